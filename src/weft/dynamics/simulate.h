@@ -1,0 +1,56 @@
+#pragma once
+#include <functional>
+#include <string_view>
+
+#include "weft/dynamics/scene.h"
+#include "weft/model/cloth_model.h"
+
+namespace weft {
+
+enum class Integrator { bdf2, newmark, implicit_euler, runge_kutta };
+/// "bdf2", "newmark", "implicit-euler", "runge-kutta". Throws Error for another name.
+Integrator integrator_from_name(std::string_view name);
+std::string_view name_of(Integrator integrator);
+
+struct StaticOptions {
+  double force_tolerance = 1e-7;  ///< N, largest net force on a free vertex at equilibrium
+  int max_iterations = 500;
+  /// Start and end of the regularization (mass-proportional, 1/s^2) that keeps Newton on the branch
+  /// of equilibria that the start belongs to.
+};
+
+struct StaticResult {
+  Points x;
+  double residual = 0;  ///< N, largest net force on a free vertex
+  int iterations = 0;
+  bool converged = false;
+};
+
+/// A stable equilibrium near `start` with `fixtures` held at `time`.
+StaticResult solve_static(const ClothModel& model, const Points& start,
+                          const std::vector<PointFixture>& fixtures, double time,
+                          const StaticOptions& options = {});
+
+struct SimulationOptions {
+  Integrator integrator = Integrator::bdf2;
+  int steps_per_frame = 4;           ///< implicit integrators, 1 to 10000
+  double newton_tolerance = 1e-7;    ///< m, largest change of a coordinate in the last iteration
+  int max_newton_iterations = 30;
+  double relative_tolerance = 1e-4;  ///< Runge-Kutta: error per step relative to the motion
+  double absolute_tolerance = 1e-6;  ///< Runge-Kutta: m, and m/s
+  long max_force_evaluations = 5'000'000;  ///< Runge-Kutta: beyond, the run counts as diverged
+  /// Relax to an equilibrium before the first frame; otherwise the motion starts from scene.start at
+  /// rest.
+  enum class Settle { none, equilibrium } settle = Settle::equilibrium;
+  StaticOptions static_options;
+};
+
+/// Called after each finished step with time, positions and velocities.
+using StepObserver = std::function<void(double time, const Points& x, const Points& v)>;
+
+/// Simulates `fabric` in `scene`. Never throws for a simulation that goes wrong: see
+/// Trajectory::diverged. Frames that were reached are kept.
+Trajectory simulate(const Scene& scene, const Fabric& fabric, const SimulationOptions& options = {},
+                    const StepObserver& observer = {});
+
+}  // namespace weft
