@@ -1,1 +1,59 @@
-int main() { return 0; }
+/// weft: estimates the parameters of a cloth simulator from measurements of a real fabric.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include "commands.h"
+#include "weft/base/error.h"
+
+namespace {
+
+constexpr int kUserError = 2;
+constexpr int kInternalError = 1;
+
+/// The message as one line: a user error is one line on the terminal and in a log.
+std::string one_line(std::string text) {
+  for (char& c : text) {
+    if (c == '\n' || c == '\r') c = ' ';
+  }
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  return text;
+}
+
+void add_subcommands(CLI::App& app) {
+  using namespace weft::app;
+  for (auto add : {add_check, add_surface, add_fit, add_evaluate, add_compare, add_matrix,
+                   add_landscape, add_variability, add_simulate, add_render, add_synthesize,
+                   add_fabrics}) {
+    add(app);
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("weft estimates the parameters of a cloth simulator from video of a swatch under "
+               "projected stripes");
+  app.set_version_flag("--version", WEFT_VERSION);
+  app.require_subcommand(1);
+  app.footer("weft COMMAND --help shows the arguments of a command and an example.");
+  try {
+    add_subcommands(app);
+    app.parse(argc, argv);
+  } catch (const CLI::Success& success) {
+    return app.exit(success);
+  } catch (const CLI::RuntimeError& status) {
+    return status.get_exit_code();
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "weft: error: %s\n", one_line(error.what()).c_str());
+    return kUserError;
+  } catch (const weft::Error& error) {
+    std::fprintf(stderr, "weft: error: %s\n", one_line(error.what()).c_str());
+    return kUserError;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "weft: internal error: %s\n", one_line(error.what()).c_str());
+    return kInternalError;
+  }
+  return 0;
+}

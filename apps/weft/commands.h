@@ -1,0 +1,21 @@
+#pragma once
+/// The subcommands of the program: one file each, one function that declares its arguments and what it
+/// does. main.cpp holds the table.
+#include <CLI/CLI.hpp>
+
+namespace weft::app {
+
+void add_check(CLI::App& app);
+void add_surface(CLI::App& app);
+void add_fit(CLI::App& app);
+void add_simulate(CLI::App& app);
+void add_render(CLI::App& app);
+void add_evaluate(CLI::App& app);
+void add_compare(CLI::App& app);
+void add_landscape(CLI::App& app);
+void add_variability(CLI::App& app);
+void add_matrix(CLI::App& app);
+void add_fabrics(CLI::App& app);
+void add_synthesize(CLI::App& app);
+
+}  // namespace weft::app

@@ -1,0 +1,80 @@
+#include "options.h"
+
+#include <fmt/core.h>
+
+#include <fstream>
+#include <system_error>
+
+#include "weft/base/error.h"
+
+namespace weft::app {
+
+void TrialArguments::add_to(CLI::App& command) {
+  command.add_option("--grid", grid_, "vertices along each side of the simulated swatch")
+      ->check(CLI::Range(3, 401))
+      ->capture_default_str();
+  command.add_option("--steps-per-frame", steps_, "time steps of an implicit integrator")
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
+  command.add_option("--integrator", integrator_,
+                     "bdf2, newmark, implicit-euler or runge-kutta")
+      ->check(CLI::IsMember({"bdf2", "newmark", "implicit-euler", "runge-kutta"}))
+      ->capture_default_str();
+  command.add_option("--alpha", alpha_, "weight of the silhouette in the error")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  command.add_option("--fold-threshold", mask_threshold_,
+                     "gradient of the angle map above which a pixel is part of a fold, rad/px")
+      ->check(CLI::Range(0.0, 3.2))
+      ->capture_default_str();
+  command.add_option("--threads", threads_, "0: all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+}
+
+TrialOptions TrialArguments::options() const {
+  TrialOptions options;
+  options.columns = options.rows = grid_;
+  options.alpha = alpha_;
+  options.angle_map.mask_threshold = mask_threshold_;
+  options.simulation.integrator = integrator_from_name(integrator_);
+  options.simulation.steps_per_frame = steps_;
+  return options;
+}
+
+void write_text(const std::filesystem::path& path, const std::string& text) {
+  std::ofstream file(path, std::ios::binary);
+  file << text;
+  file.flush();
+  if (!file) throw Error(fmt::format("{}: cannot be written", path.string()));
+}
+
+void prepare_output_folder(const std::filesystem::path& folder,
+                           const std::vector<std::string>& results, Existing existing) {
+  std::error_code failure;
+  std::filesystem::create_directories(folder, failure);
+  if (failure || !std::filesystem::is_directory(folder)) {
+    throw Error(fmt::format("{}: cannot be made: {}", folder.string(),
+                            failure ? failure.message() : "it is a file"));
+  }
+  if (existing == Existing::refuse) {
+    for (const std::string& name : results) {
+      if (std::filesystem::exists(folder / name)) {
+        throw Error(fmt::format("{}: holds {} of another run; name another folder, or give "
+                                "--overwrite",
+                                folder.string(), name));
+      }
+    }
+  }
+  // Asking is not enough (a read-only mount): write.
+  const std::filesystem::path probe = folder / ".weft-write-test";
+  {
+    std::ofstream file(probe);
+    file << '\n';
+    file.flush();
+    if (!file) throw Error(fmt::format("{}: cannot be written to", folder.string()));
+  }
+  std::filesystem::remove(probe, failure);
+}
+
+}  // namespace weft::app

@@ -1,0 +1,39 @@
+#pragma once
+/// Arguments that several subcommands share.
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "weft/estimate/problem.h"
+
+namespace weft::app {
+
+/// How a capture is simulated and looked at.
+class TrialArguments {
+ public:
+  void add_to(CLI::App& command);
+  /// Throws Error for values outside their ranges.
+  TrialOptions options() const;
+  int threads() const { return threads_; }
+
+ private:
+  int grid_ = 25;
+  int steps_ = 4;
+  std::string integrator_ = "bdf2";
+  double alpha_ = 0.1;
+  double mask_threshold_ = AngleMapOptions().mask_threshold;
+  int threads_ = 0;
+};
+
+/// Writes `text` to `path`; throws Error if that is not possible.
+void write_text(const std::filesystem::path& path, const std::string& text);
+
+/// Makes the folder if needed. Throws Error if it cannot be made or written to, or if it holds one of
+/// `results` (the files of another run) and `overwrite` is not given.
+enum class Existing { refuse, overwrite };
+void prepare_output_folder(const std::filesystem::path& folder,
+                           const std::vector<std::string>& results, Existing existing);
+
+
+}  // namespace weft::app
