@@ -7,10 +7,10 @@
 
 namespace weft {
 
-/// A piece of fabric: triangles over vertices that know where they lie on the undeformed, flat fabric.
-/// Material coordinates are (u, v) in m; u runs along the weft, v along the warp.
+/// A piece of fabric: triangles over vertices that know where they lie on the undeformed, flat
+/// fabric. Material coordinates are (u, v) in m; u runs along the weft, v along the warp.
 struct TriangleMesh {
-  MaterialPoints material;                  ///< 2 x vertices, m
+  MaterialPoints material;                    ///< 2 x vertices, m
   std::vector<std::array<int, 3>> triangles;  ///< counter-clockwise in (u, v): positive area
 
   int vertex_count() const { return static_cast<int>(material.cols()); }
@@ -28,11 +28,13 @@ enum class GridPattern {
 TriangleMesh make_swatch(double width, double height, int columns, int rows,
                          GridPattern pattern = GridPattern::alternating);
 
-/// Area of triangle t on the undeformed fabric, m^2 (signed, positive if counter-clockwise in (u, v)).
+/// Area of triangle t on the undeformed fabric, m^2 (signed, positive if counter-clockwise in (u,
+/// v)).
 double material_area(const TriangleMesh& mesh, int t);
 
-/// Throws Error if an index is out of range, a triangle is degenerate or clockwise, an edge has more
-/// than two triangles, or a vertex belongs to no triangle.
+/// Throws Error if an index is out of range, a triangle is degenerate or clockwise, an edge has
+/// more than two triangles or two that overlap in (u, v), or a vertex belongs to no triangle.
+/// `name` says in the message which mesh it is.
 void validate(const TriangleMesh& mesh, std::string_view name);
 
 /// Two triangles that share an edge. The edge runs from vertices[0] to vertices[1]; vertices[2] is
@@ -45,12 +47,15 @@ std::vector<Hinge> hinges(const TriangleMesh& mesh);
 /// Lumped areas: a third of each triangle's area to each of its vertices, m^2.
 VecX vertex_areas(const TriangleMesh& mesh);
 
-/// Vertex normals of a deformed mesh (area weighted, unit length): 3 x vertices. The front side is the
-/// one from which (u right, v down) reads as written: normal = x_u cross x_v, reversed or not as the
-/// triangles' orientation in (u, v) says.
+/// Vertex normals of a deformed mesh: 3 x vertices, unit length, weighted by the area of the
+/// deformed triangles. They point along x_u cross x_v, that is, to the side from which the
+/// triangles of the mesh (counter-clockwise in (u, v)) run counter-clockwise. A swatch that hangs
+/// with u along +x and v along -z has the normal +y: away from a viewer at -y who sees u run right
+/// and v run down. A vertex whose triangles have all collapsed has the normal 0.
 Points vertex_normals(const TriangleMesh& mesh, const Points& x);
 
-/// Finds (u, v) in a mesh. Keeps a uniform grid over the triangles.
+/// Finds (u, v) in a mesh. Keeps a uniform grid over the triangles, and a pointer to the mesh,
+/// which must outlive it.
 class MaterialLocator {
  public:
   explicit MaterialLocator(const TriangleMesh& mesh);
@@ -59,7 +64,7 @@ class MaterialLocator {
     Vec3 barycentric;  ///< weights of the triangle's three vertices
   };
   /// The triangle that holds `uv`; for a point outside the mesh (rounding at the rim) the nearest
-  /// one, with weights clamped to it.
+  /// one, with weights clamped to it. Weights are >= 0 and sum to 1.
   Hit locate(const Vec2& uv) const;
 
  private:

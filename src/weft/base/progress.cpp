@@ -1,0 +1,75 @@
+#include "weft/base/progress.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cmath>
+
+namespace weft {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+std::string duration_text(double seconds) {
+  const auto whole = static_cast<long>(std::lround(seconds));
+  if (whole < 60) return fmt::format("{} s", whole);
+  if (whole < 3600) return fmt::format("{} min {:02} s", whole / 60, whole % 60);
+  return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
+}
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+}  // namespace
+
+Progress::Progress(std::string label, std::size_t total, Options options)
+    : label_(std::move(label)), total_(total), options_(options), start_(Clock::now()) {
+  terminal_ = isatty(fileno(options_.stream)) != 0;
+  // The first update prints at once.
+  last_print_ = start_ - std::chrono::hours(1);
+}
+
+Progress::~Progress() {
+  try {
+    finish();
+  } catch (...) {
+    // A line of progress that cannot be printed is no reason to end the process.
+  }
+}
+
+void Progress::update(std::size_t done, const std::string& note) {
+  done_ = done;
+  const auto interval = terminal_ ? options_.terminal_interval : options_.log_interval;
+  if (finished_ || Clock::now() - last_print_ < interval) return;
+  const double taken = seconds_since(start_);
+  std::string line = fmt::format("{}: {}/{}, {}", label_, done, total_, duration_text(taken));
+  if (done > 0 && done < total_) {
+    const double left = taken / static_cast<double>(done) * static_cast<double>(total_ - done);
+    line += fmt::format(", {} left", duration_text(left));
+  }
+  if (!note.empty()) line += ", " + note;
+  print(line, false);
+}
+
+void Progress::finish(const std::string& note) {
+  if (finished_) return;
+  finished_ = true;
+  std::string line =
+      fmt::format("{}: {}/{} in {}", label_, done_, total_, duration_text(seconds_since(start_)));
+  if (!note.empty()) line += ", " + note;
+  print(line, true);
+}
+
+void Progress::print(const std::string& line, bool last) {
+  last_print_ = Clock::now();
+  if (options_.quiet) return;
+  if (terminal_) {
+    fmt::print(options_.stream, "\r\033[K{}{}", line, last ? "\n" : "");
+  } else {
+    fmt::print(options_.stream, "{}\n", line);
+  }
+  std::fflush(options_.stream);
+}
+
+}  // namespace weft
