@@ -6,20 +6,27 @@
 
 namespace weft {
 
-/// A measured path, interpolated by a C2 cubic spline (natural ends); constant where all samples are
-/// equal. Before the first and after the last sample it rests at that sample.
+/// A measured path, interpolated by a C2 cubic spline (natural ends: no acceleration at the first
+/// and the last sample); constant where all samples are equal. Before the first and after the last
+/// sample it rests at that sample.
 class Motion {
  public:
-  Motion() = default;
-  /// times: strictly increasing, s; positions: 3 x times, m. Throws Error otherwise.
+  /// Rests at the origin.
+  Motion();
+  /// times: at least one, finite, strictly increasing, s; positions: 3 x times, finite, m. Throws
+  /// Error otherwise. A motion of one sample rests there at all times.
   Motion(std::vector<double> times, Points positions);
   static Motion fixed(const Vec3& position);
-  Vec3 position(double time) const;
-  Vec3 velocity(double time) const;
+  Vec3 position(double time) const;      ///< m
+  Vec3 velocity(double time) const;      ///< m/s; zero outside [start_time, end_time]
+  Vec3 acceleration(double time) const;  ///< m/s^2; zero outside [start_time, end_time]
+  /// The times that the samples span; -infinity and infinity for a motion of one sample.
   double start_time() const;
   double end_time() const;
 
  private:
+  struct Cubic;
+  Cubic at(double time) const;
   std::vector<double> times_;
   Points positions_;
   Points second_derivatives_;
@@ -45,13 +52,13 @@ struct Scene {
 
 /// What a simulation leaves.
 struct Trajectory {
-  std::vector<Points> frames;     ///< positions at frame_times
+  std::vector<Points> frames;      ///< positions at frame_times
   std::vector<Points> velocities;  ///< likewise, m/s
   /// Force that the fixture exerts on the cloth, N: [frame](3 x fixtures).
   std::vector<Points> reactions;
   /// True if the solution ceased to be finite or a step could not be solved at the smallest step.
   bool diverged = false;
-  std::string divergence;          ///< why
+  std::string divergence;  ///< why
   long steps = 0;
   long factorizations = 0;
   long newton_iterations = 0;

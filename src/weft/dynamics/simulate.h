@@ -33,14 +33,14 @@ StaticResult solve_static(const ClothModel& model, const Points& start,
 
 struct SimulationOptions {
   Integrator integrator = Integrator::bdf2;
-  int steps_per_frame = 4;           ///< implicit integrators, 1 to 10000
-  double newton_tolerance = 1e-7;    ///< m, largest change of a coordinate in the last iteration
+  int steps_per_frame = 4;         ///< implicit integrators, 1 to 10000
+  double newton_tolerance = 1e-7;  ///< m, largest change of a coordinate in the last iteration
   int max_newton_iterations = 30;
-  double relative_tolerance = 1e-4;  ///< Runge-Kutta: error per step relative to the motion
-  double absolute_tolerance = 1e-6;  ///< Runge-Kutta: m, and m/s
+  double relative_tolerance = 1e-4;        ///< Runge-Kutta: error per step relative to the motion
+  double absolute_tolerance = 1e-6;        ///< Runge-Kutta: m, and m/s
   long max_force_evaluations = 5'000'000;  ///< Runge-Kutta: beyond, the run counts as diverged
-  /// Relax to an equilibrium before the first frame; otherwise the motion starts from scene.start at
-  /// rest.
+  /// Relax to an equilibrium before the first frame; otherwise the motion starts from scene.start
+  /// at rest.
   enum class Settle { none, equilibrium } settle = Settle::equilibrium;
   StaticOptions static_options;
 };

@@ -1,0 +1,88 @@
+#pragma once
+/// Implicit time integrators in position form.
+///
+/// Each of them writes the derivative of any quantity y at the end of a step as
+///
+///     dy/dt(n+1) = r y(n+1) - H(y),      H(y) = p y(n) + q y(n-1) + s dy/dt(n),
+///
+/// with a rate r and a history H that is known when the step begins:
+///
+///     implicit Euler        r = 1 / h                         p = 1 / h
+///     BDF2                  r = (1 + 2 w) / ((1 + w) h)       p = (1 + w) / h   q = -w^2 / ((1 +
+///     w) h) Newmark (1/4, 1/2)    r = 2 / h                         p = 2 / h         s = 1
+///
+/// w = h / (previous h); with equal steps BDF2 is r = 3 / 2h, p = 2 / h, q = -1 / 2h. Newmark's
+/// x(n+1) = x(n) + h v(n) + h^2 / 4 (a(n) + a(n+1)), v(n+1) = v(n) + h / 2 (a(n) + a(n+1)) is the
+/// trapezoidal rule for x and for v, and solving each for its derivative at the end of the step
+/// gives the line above: the forces enter at the end of the step, those at its start through a(n).
+///
+/// Applied to x and then to v:
+///
+///     v(n+1) = r x(n+1) - H(x),   a(n+1) = r v(n+1) - H(v) = r^2 (x(n+1) - xhat),
+///     xhat = (r H(x) + H(v)) / r^2,
+///
+/// and the equation of motion M a = F at the end of the step is the stationarity in x of
+///
+///     r^2 / 2 (x - xhat)^T M (x - xhat) + potential(x; r, H(C)) - (work of drag).
+///
+/// Damping acts on strain rates, and the rate of a strain C follows the same formula,
+/// Cdot(n+1) = r C(x(n+1)) - H(C), so that damping is the gradient of a function of x. Drag is
+/// evaluated at the end of the step; it has no potential, so the line search holds it at its last
+/// value, and the matrix has its derivative with respect to velocity, times r, without the one with
+/// respect to position.
+///
+/// The first step of BDF2 has no previous state. It is a TR-BDF2 step (Bank et al. 1985): the
+/// trapezoidal rule over (2 - sqrt 2) h, then BDF2 to the end of the step with that as the previous
+/// state. Both parts have the same r; the step is of second order and, as BDF2, damps what it
+/// cannot resolve. It also restarts BDF2 where a step is more than 2.2 times the one before (BDF2
+/// is stable up to 1 + sqrt 2).
+#include <optional>
+#include <string>
+
+#include "weft/dynamics/simulate.h"
+#include "weft/dynamics/sparse_cholesky.h"
+#include "weft/dynamics/state.h"
+
+namespace weft {
+
+/// Advances a state with one of the implicit integrators. Newton with a line search solves each
+/// step; a step that it cannot solve is halved.
+class ImplicitStepper {
+ public:
+  ImplicitStepper(const ClothModel& model, const std::vector<PointFixture>& fixtures,
+                  const SimulationOptions& options);
+
+  void start(State state);
+  const State& state() const { return current_; }
+  /// False, with a reason, if the state at `time` could not be reached.
+  bool advance(double time, Trajectory& counts, const StepObserver& observer, std::string& reason);
+
+ private:
+  struct Formula {
+    double rate, current, previous, derivative;  // r, p, q, s
+  };
+  Formula formula(double h) const;
+  bool needs_start_step(double h) const;
+  bool take_step(double time, Trajectory& counts, std::string& reason);
+  bool solve_stage(double time, const Formula& f, const State* previous, State& next,
+                   Trajectory& counts, std::string& reason);
+  bool newton(State& next, double rate, Trajectory& counts, std::string& reason);
+  double step_energy(const Points& x, double rate, const Points& drag) const;
+  void predict(double time, Points& x) const;
+
+  const ClothModel& model_;
+  const std::vector<PointFixture>& fixtures_;
+  SimulationOptions options_;
+  std::vector<char> held_;
+  SparseCholesky cholesky_;
+  State current_;
+  std::optional<State> previous_;
+  // Of the step at hand.
+  Points x_history_, v_history_;
+  VecX c_history_;
+  // Work space.
+  SparseMatrix hessian_;
+  Points gradient_, drag_, direction_, trial_;
+};
+
+}  // namespace weft

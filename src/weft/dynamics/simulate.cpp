@@ -1,0 +1,172 @@
+#include "weft/dynamics/simulate.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+
+#include "weft/base/error.h"
+#include "weft/dynamics/implicit_stepper.h"
+#include "weft/dynamics/runge_kutta.h"
+#include "weft/dynamics/state.h"
+
+namespace weft {
+
+namespace {
+
+constexpr std::array<std::pair<std::string_view, Integrator>, 4> kIntegrators{{
+    {"bdf2", Integrator::bdf2},
+    {"newmark", Integrator::newmark},
+    {"implicit-euler", Integrator::implicit_euler},
+    {"runge-kutta", Integrator::runge_kutta},
+}};
+
+}  // namespace
+
+Integrator integrator_from_name(std::string_view name) {
+  for (const auto& [known, integrator] : kIntegrators) {
+    if (name == known) return integrator;
+  }
+  throw Error(fmt::format(
+      "integrator: \"{}\" is not known; one of bdf2, newmark, implicit-euler, runge-kutta", name));
+}
+
+std::string_view name_of(Integrator integrator) {
+  for (const auto& [name, known] : kIntegrators) {
+    if (integrator == known) return name;
+  }
+  return "";
+}
+
+namespace {
+
+void check(const Scene& scene, const SimulationOptions& options) {
+  const int n = scene.mesh.vertex_count();
+  if (scene.start.cols() != n) {
+    throw Error(
+        fmt::format("scene: the start has {} vertices, the mesh {}", scene.start.cols(), n));
+  }
+  if (!scene.start.allFinite()) throw Error("scene: the start has a position that is not finite");
+  if (scene.frame_times.empty()) throw Error("scene: no frame times; at least one is needed");
+  for (std::size_t k = 0; k < scene.frame_times.size(); ++k) {
+    if (!std::isfinite(scene.frame_times[k]) ||
+        (k > 0 && scene.frame_times[k] <= scene.frame_times[k - 1])) {
+      throw Error(
+          fmt::format("scene: frame times must be finite and increase, but frame {} is at {} s", k,
+                      scene.frame_times[k]));
+    }
+  }
+  std::vector<char> held(static_cast<std::size_t>(n), 0);
+  for (const PointFixture& fixture : scene.fixtures) {
+    if (fixture.vertex < 0 || fixture.vertex >= n) {
+      throw Error(fmt::format("fixture \"{}\": vertex {} is not in [0, {}]", fixture.name,
+                              fixture.vertex, n - 1));
+    }
+    if (held[static_cast<std::size_t>(fixture.vertex)]++) {
+      throw Error(fmt::format("fixture \"{}\": vertex {} is already held by another fixture",
+                              fixture.name, fixture.vertex));
+    }
+  }
+  if (options.steps_per_frame < 1 || options.steps_per_frame > 10000) {
+    throw Error(fmt::format("steps_per_frame: {} is not in [1, 10000]", options.steps_per_frame));
+  }
+}
+
+void diverge(Trajectory& trajectory, std::string reason) {
+  trajectory.diverged = true;
+  trajectory.divergence = std::move(reason);
+}
+
+/// Steps that end in one frame interval: a fixed number for implicit integrators; Runge-Kutta
+/// chooses its own.
+int steps_per_frame(const SimulationOptions& options) {
+  return options.integrator == Integrator::runge_kutta ? 1 : options.steps_per_frame;
+}
+
+class Run {
+ public:
+  Run(const ClothModel& model, const Scene& scene, const SimulationOptions& options,
+      const StepObserver& observer, Trajectory& trajectory)
+      : model_(model),
+        scene_(scene),
+        options_(options),
+        observer_(observer),
+        trajectory_(trajectory) {}
+
+  template <class Stepper>
+  void run(State start) {
+    Stepper stepper(model_, scene_.fixtures, options_);
+    stepper.start(std::move(start));
+    keep_frame(stepper.state());
+    const int steps = steps_per_frame(options_);
+    for (std::size_t k = 1; k < scene_.frame_times.size(); ++k) {
+      const double from = scene_.frame_times[k - 1];
+      const double to = scene_.frame_times[k];
+      for (int step = 1; step <= steps; ++step) {
+        const double time = step == steps ? to : from + (to - from) * step / steps;
+        std::string reason;
+        if (!stepper.advance(time, trajectory_, observer_, reason)) {
+          return diverge(trajectory_, fmt::format("at {:.6g} s: {}", stepper.state().time, reason));
+        }
+      }
+      keep_frame(stepper.state());
+    }
+  }
+
+ private:
+  void keep_frame(const State& state) {
+    if (options_.integrator == Integrator::runge_kutta) {
+      model_.forces(state.x, state.v, force_);
+    } else {
+      total_force(model_, state, force_);
+    }
+    trajectory_.frames.push_back(state.x);
+    trajectory_.velocities.push_back(state.v);
+    trajectory_.reactions.push_back(reactions(model_, scene_.fixtures, state.a, force_));
+  }
+
+  const ClothModel& model_;
+  const Scene& scene_;
+  const SimulationOptions& options_;
+  const StepObserver& observer_;
+  Trajectory& trajectory_;
+  Points force_;
+};
+
+}  // namespace
+
+Trajectory simulate(const Scene& scene, const Fabric& fabric, const SimulationOptions& options,
+                    const StepObserver& observer) {
+  check(scene, options);
+  const ClothModel model(scene.mesh, fabric, scene.areal_density, scene.gravity);
+  Trajectory trajectory;
+  const double start_time = scene.frame_times.front();
+  Points start = scene.start;
+  if (options.settle == SimulationOptions::Settle::equilibrium) {
+    StaticResult settled =
+        solve_static(model, start, scene.fixtures, start_time, options.static_options);
+    trajectory.factorizations += settled.iterations;
+    if (!settled.converged) {
+      diverge(trajectory,
+              fmt::format("no equilibrium found to start from: net force {:.3g} N after "
+                          "{} iterations",
+                          settled.residual, settled.iterations));
+      return trajectory;
+    }
+    start = std::move(settled.x);
+  }
+  State state = state_from_rest(model, scene.fixtures, start_time, start);
+  if (!state.a.allFinite()) {
+    diverge(trajectory, "the forces at the start are not finite");
+    return trajectory;
+  }
+  Run run(model, scene, options, observer, trajectory);
+  if (options.integrator == Integrator::runge_kutta) {
+    run.run<RungeKuttaStepper>(std::move(state));
+  } else {
+    run.run<ImplicitStepper>(std::move(state));
+  }
+  return trajectory;
+}
+
+}  // namespace weft

@@ -1,0 +1,33 @@
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "weft/base/types.h"
+
+namespace weft {
+
+/// Direct solver for the matrices of implicit steps and of equilibria: symmetric, positive
+/// definite, 3 x 3 blocks coupled as the vertices are, always in the same pattern. Vertices that
+/// are held drop out: their rows and columns are left unread and their unknowns are zero.
+class SparseCholesky {
+ public:
+  /// `pattern`: lower triangle of a 3 n x 3 n matrix, compressed, as ClothModel::hessian_pattern();
+  /// `held`: n flags; `material`: 2 x n, m, where the vertices lie, for the order of elimination.
+  SparseCholesky(const SparseMatrix& pattern, const std::vector<char>& held,
+                 const MaterialPoints& material);
+  ~SparseCholesky();
+  SparseCholesky(SparseCholesky&&) noexcept;
+  SparseCholesky& operator=(SparseCholesky&&) noexcept;
+
+  /// Factorizes a matrix of that pattern. False if it is not positive definite (or not finite).
+  bool factorize(const SparseMatrix& matrix);
+  /// b (3 x n) becomes the solution with the last factorization. Columns of held vertices become
+  /// zero.
+  void solve(Points& b) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace weft
