@@ -1,0 +1,292 @@
+#include "weft/vision/angle_map.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "weft/base/error.h"
+#include "weft/vision/local_mean.h"
+#include "weft/vision/plane.h"
+#include "weft/vision/steerable_basis.h"
+
+namespace weft {
+namespace {
+
+using detail::Box;
+using detail::kPack;
+using detail::load;
+using detail::Pack;
+using detail::Plane;
+using detail::SteerableBasis;
+using detail::store;
+using detail::Taps;
+
+constexpr float kPi = std::numbers::pi_v<float>;
+
+/// The last tap stands where the Gaussian is exp(-2.4^2) = 0.3 %. The peak of the response is then at
+/// a period of pi / spacing = 1.31 radius, and half of it at 2.9 radius.
+constexpr double kReach = 2.4;
+/// Period at which G2 and H2 are an exact quadrature pair, of the radius: 17 px for 6 px.
+constexpr double kPeriodPerRadius = 17.0 / 6.0;
+/// Light is divided by its mean over about this many radii plus this fraction of the region's mean.
+constexpr double kMeanSigmaPerRadius = 1.6;
+constexpr float kMeanFloor = 0.05f;
+
+/// atan(y / x) / 2 over the full turn, in (-pi/2, pi/2]. The polynomial is Abramowitz and Stegun
+/// 4.4.49 (|error| <= 2e-8); without branches, so that rows of it vectorize.
+inline float half_atan2(float y, float x) {
+  const float ax = std::abs(x), ay = std::abs(y);
+  const float larger = std::max(ax, ay), smaller = std::min(ax, ay);
+  const float t = smaller / std::max(larger, 1e-30f), s = t * t;
+  float p = 0.0028662257f;
+  p = p * s - 0.0161657367f;
+  p = p * s + 0.0429096138f;
+  p = p * s - 0.0752896400f;
+  p = p * s + 0.1065626393f;
+  p = p * s - 0.1420889944f;
+  p = p * s + 0.1999355085f;
+  p = p * s - 0.3333314528f;
+  float a = t + t * s * p;
+  a = ay > ax ? kPi / 2 - a : a;
+  a = x < 0 ? kPi - a : a;
+  a = y < 0 ? -a : a;
+  a = a <= -kPi ? kPi : a;
+  return 0.5f * a;
+}
+
+/// Products of taps with in[x - n step] and in[x + n step], for even and odd rows of taps.
+Pack even_taps(const Taps& taps, const float* in, std::ptrdiff_t step) {
+  Pack sum = taps[0] * load(in);
+  for (std::size_t n = 1; n < taps.size(); ++n) {
+    const std::ptrdiff_t offset = std::ptrdiff_t(n) * step;
+    sum += taps[n] * (load(in + offset) + load(in - offset));
+  }
+  return sum;
+}
+
+}  // namespace
+
+struct AngleMapper::Impl {
+  Impl(int width_px, int height_px, const AngleMapOptions& given);
+  const AngleMap& compute(const Image& intensity, const Mask& region);
+
+ private:
+  void check(const Image& intensity, const Mask& region) const;
+  void clear_outputs();
+  void set_weights(const Mask& region);
+  void normalise(const Image& intensity);
+  void filter_along_x(int y);
+  void combine(int y);
+  void finish(int y);
+  void drop_weak();
+  float* ring(std::size_t factor, int y) { return filtered_[factor].row((y + 2 * radius_ + 1) % (2 * radius_ + 1)); }
+
+  const int width_, height_;
+  const AngleMapOptions options_;
+  const int radius_;
+  const SteerableBasis basis_;
+  const Taps blur_;
+  detail::LocalMean mean_;
+  AngleMap map_;
+  Box box_;
+  // Rows and columns of the box.
+  Plane weight_;      ///< 1 inside the region
+  Plane light_;       ///< relative to the local mean, 0 outside the region
+  Plane blurred2_, blurred3_;  ///< C2 and C3 blurred along x
+  Plane row2_, row3_;          ///< one row of C2 and C3
+  Plane mean_row_;
+  std::array<Plane, 5> filtered_;  ///< the last 2 radius + 1 rows of e, u1, g2, h2, h3 along x
+  std::vector<float> sample_;
+};
+
+AngleMapper::Impl::Impl(int width_px, int height_px, const AngleMapOptions& given)
+    : width_(width_px),
+      height_(height_px),
+      options_(given),
+      radius_(int(std::lround(given.kernel_radius))),
+      basis_(detail::make_steerable_basis(std::clamp(radius_, 2, 64), kReach, kPeriodPerRadius * std::clamp(radius_, 2, 64))),
+      blur_(detail::gaussian_taps(std::clamp(given.blur_sigma, 0.1, 64.0))),
+      mean_(kMeanSigmaPerRadius * given.kernel_radius) {
+  const auto require = [](double value, double lower, double upper, const char* name) {
+    if (!(value >= lower && value <= upper))
+      throw Error("angle map: " + std::string(name) + " is " + std::to_string(value) +
+                  ", must be from " + std::to_string(lower) + " to " + std::to_string(upper));
+  };
+  require(width_px, 1, 1 << 15, "width");
+  require(height_px, 1, 1 << 15, "height");
+  require(given.kernel_radius, 2, 64, "kernel_radius");
+  require(given.blur_sigma, 0.1, 64, "blur_sigma");
+  require(given.energy_threshold, 0, 1, "energy_threshold");
+  map_.angle = Image::Zero(height_, width_);
+  map_.strength = Image::Zero(height_, width_);
+  map_.valid = Mask::Zero(height_, width_);
+}
+
+void AngleMapper::Impl::check(const Image& intensity, const Mask& region) const {
+  const auto size = [](auto rows, auto columns) {
+    return std::to_string(columns) + " x " + std::to_string(rows);
+  };
+  if (intensity.rows() != height_ || intensity.cols() != width_)
+    throw Error("angle map: image is " + size(intensity.rows(), intensity.cols()) + " px, must be " +
+                size(height_, width_));
+  if (region.size() != 0 && (region.rows() != height_ || region.cols() != width_))
+    throw Error("angle map: region is " + size(region.rows(), region.cols()) + " px, must be " +
+                size(height_, width_));
+}
+
+void AngleMapper::Impl::clear_outputs() {
+  if (box_.empty()) return;
+  map_.angle.block(box_.y0, box_.x0, box_.height(), box_.width()).setZero();
+  map_.strength.block(box_.y0, box_.x0, box_.height(), box_.width()).setZero();
+  map_.valid.block(box_.y0, box_.x0, box_.height(), box_.width()).setZero();
+}
+
+void AngleMapper::Impl::set_weights(const Mask& region) {
+  weight_.resize(box_.height(), box_.width(), 0);
+  for (int y = 0; y < box_.height(); ++y) {
+    float* out = weight_.row(y);
+    if (region.size() == 0) {
+      std::fill_n(out, box_.width(), 1.0f);
+      continue;
+    }
+    const std::uint8_t* in = region.data() + (box_.y0 + y) * region.cols() + box_.x0;
+    for (int x = 0; x < box_.width(); ++x) out[x] = in[x] != 0 ? 1.0f : 0.0f;
+  }
+}
+
+void AngleMapper::Impl::normalise(const Image& intensity) {
+  mean_.update(intensity, weight_, box_);
+  double total = 0, pixels = 0;
+  for (int y = 0; y < box_.height(); ++y) {
+    const float* in = intensity.data() + (box_.y0 + y) * intensity.cols() + box_.x0;
+    const float* weight = weight_.row(y);
+    float light = 0, count = 0;
+    for (int x = 0; x < box_.width(); ++x) {
+      light += weight[x] * in[x];
+      count += weight[x];
+    }
+    total += double(light);
+    pixels += double(count);
+  }
+  const float floor = std::max(kMeanFloor * float(total / std::max(pixels, 1.0)), 1e-6f);
+  light_.resize(box_.height(), box_.width(), radius_);
+  mean_row_.resize(1, box_.width(), 0);
+  for (int y = 0; y < box_.height(); ++y) {
+    const float* in = intensity.data() + (box_.y0 + y) * intensity.cols() + box_.x0;
+    const float* weight = weight_.row(y);
+    float* mean = mean_row_.row(0);
+    float* out = light_.row(y);
+    mean_.row(box_.y0 + y, mean);
+    for (int x = 0; x < box_.width(); ++x) out[x] = weight[x] * (in[x] - mean[x]) / (mean[x] + floor);
+  }
+}
+
+/// One row of light through the five factors along x; rows outside the box are dark.
+void AngleMapper::Impl::filter_along_x(int y) {
+  std::array<float*, 5> out;
+  for (std::size_t k = 0; k < 5; ++k) out[k] = ring(k, y);
+  if (y < 0 || y >= box_.height()) {
+    for (float* row : out) std::fill_n(row, detail::round_up(box_.width()), 0.0f);
+    return;
+  }
+  const float* in = light_.row(y);
+  const SteerableBasis& b = basis_;
+  for (int x = 0; x < box_.width(); x += kPack) {
+    const Pack center = load(in + x);
+    Pack e = b.e[0] * center, g2 = b.g2[0] * center, h2 = b.h2[0] * center;
+    Pack u1 = Pack::Zero(), h3 = Pack::Zero();
+    for (int n = 1; n <= radius_; ++n) {
+      const auto i = std::size_t(n);
+      const Pack after = load(in + x + n), before = load(in + x - n);
+      const Pack sum = after + before, difference = after - before;
+      e += b.e[i] * sum;
+      g2 += b.g2[i] * sum;
+      h2 += b.h2[i] * sum;
+      u1 += b.u1[i] * difference;
+      h3 += b.h3[i] * difference;
+    }
+    store(out[0] + x, e);
+    store(out[1] + x, u1);
+    store(out[2] + x, g2);
+    store(out[3] + x, h2);
+    store(out[4] + x, h3);
+  }
+}
+
+/// The factors along y, the coefficients of the oriented energy, and their blur along x.
+///
+/// As functions of theta, G2 = p + q cos 2t + r sin 2t and H2 = a1 cos t + b1 sin t + a3 cos 3t +
+/// b3 sin 3t; C2 and C3 are the cos 2t and sin 2t coefficients of G2^2 + H2^2 (halved, which changes
+/// no angle).
+void AngleMapper::Impl::combine(int y) {
+  const SteerableBasis& b = basis_;
+  const float* e0 = ring(0, y);
+  const float* u0 = ring(1, y);
+  const float* g0 = ring(2, y);
+  const float* h0 = ring(3, y);
+  const float* t0 = ring(4, y);
+  const float* weight = weight_.row(y);
+  float* out2 = row2_.row(0);
+  float* out3 = row3_.row(0);
+  std::array<std::ptrdiff_t, 65> after{}, before{};
+  for (int n = 1; n <= radius_; ++n) {
+    after[std::size_t(n)] = ring(0, y + n) - e0;
+    before[std::size_t(n)] = ring(0, y - n) - e0;
+  }
+  for (int x = 0; x < box_.width(); x += kPack) {
+    const Pack e = load(e0 + x), u = load(u0 + x);
+    Pack ga = b.e[0] * load(g0 + x), gb = Pack::Zero(), gc = b.g2[0] * e;
+    Pack ha = b.e[0] * load(t0 + x), hb = Pack::Zero(), hc = b.h2[0] * u, hd = Pack::Zero();
+    for (int n = 1; n <= radius_; ++n) {
+      const auto i = std::size_t(n);
+      const std::ptrdiff_t above = before[i] + x, below = after[i] + x;
+      const Pack e_below = load(e0 + below), e_above = load(e0 + above);
+      const Pack u_below = load(u0 + below), u_above = load(u0 + above);
+      ga += b.e[i] * (load(g0 + below) + load(g0 + above));
+      ha += b.e[i] * (load(t0 + below) + load(t0 + above));
+      gb += b.u1[i] * (u_below - u_above);
+      hb += b.u1[i] * (load(h0 + below) - load(h0 + above));
+      gc += b.g2[i] * (e_below + e_above);
+      hc += b.h2[i] * (u_below + u_above);
+      hd += b.h3[i] * (e_below - e_above);
+    }
+    const Pack p = 0.5f * (ga + gc), q = 0.5f * (ga - gc), r = 2.0f * gb;
+    const Pack a1 = 0.75f * (ha + hc), b1 = 0.75f * (hb + hd);
+    const Pack a3 = 0.25f * ha - 0.75f * hc, b3 = 0.75f * hb - 0.25f * hd;
+    const float gg = b.gain_g * b.gain_g, hh = b.gain_h * b.gain_h;
+    const Pack c2 = gg * (p * q) + hh * (0.25f * (a1 * a1 - b1 * b1) + 0.5f * (a1 * a3 + b1 * b3));
+    const Pack c3 = gg * (p * r) + hh * (0.5f * (a1 * b1 + a1 * b3 - b1 * a3));
+    const Pack inside = load(weight + x);
+    store(out2 + x, inside * c2);
+    store(out3 + x, inside * c3);
+  }
+  for (int x = 0; x < box_.width(); x += kPack) {
+    store(blurred2_.row(y) + x, even_taps(blur_, out2 + x, 1));
+    store(blurred3_.row(y) + x, even_taps(blur_, out3 + x, 1));
+  }
+}
+
+/// The blur along y and the angle. C2 and C3 point across the stripes; a quarter turn is a change of
+/// both signs.
+void AngleMapper::Impl::finish(int y) {
+  const int reach = int(blur_.size()) - 1;
+  const std::ptrdiff_t stride = blurred2_.row(1) - blurred2_.row(0);
+  const float* in2 = blurred2_.row(y + reach);
+  const float* in3 = blurred3_.row(y + reach);
+  float* c2 = row2_.row(0);
+  float* c3 = row3_.row(0);
+  for (int x = 0; x < box_.width(); x += kPack) {
+    store(c2 + x, even_taps(blur_, in2 + x, stride));
+    store(c3 + x, even_taps(blur_, in3 + x, stride));
+  }
+  const float* weight = weight_.row(y);
+  float* angle = &map_.angle(box_.y0 + y, box_.x0);
+  float* strength = &map_.strength(box_.y0 + y, box_.x0);
+  for (int x = 0; x < box_.width(); ++x) {
+    angle[x] = weight[x] * half_atan2(-c3[x], -c2[x]);
+    strength[x] = weight[x] * std::sqrt(c2[x] * c2[x] + c3[x] * c3[x]);
+  }
+}
