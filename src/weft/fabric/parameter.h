@@ -16,9 +16,9 @@ enum class Scale {
 
 /// One row of the table that code, help and documents share.
 struct ParameterInfo {
-  std::string_view name;     ///< "bend_stiffness"
-  std::string_view unit;     ///< "N m"
-  double lower, upper;       ///< default range of the search, and of what a file may hold
+  std::string_view name;  ///< "bend_stiffness"
+  std::string_view unit;  ///< "N m"
+  double lower, upper;    ///< default range of the search, and of what a file may hold
   double default_value;
   Scale scale;
   std::string_view meaning;  ///< one sentence
@@ -26,8 +26,8 @@ struct ParameterInfo {
 };
 
 /// The nine parameters of `baraff-witkin`, in the order of all vectors of parameters:
-/// stretch_stiffness, shear_stiffness, bend_stiffness, stretch_damping, shear_damping, bend_damping,
-/// drag_linear, drag_quadratic, drag_degradation.
+/// stretch_stiffness, shear_stiffness, bend_stiffness, stretch_damping, shear_damping,
+/// bend_damping, drag_linear, drag_quadratic, drag_degradation.
 std::span<const ParameterInfo> baraff_witkin_parameters();
 
 /// Models known by name; at present "baraff-witkin". Throws Error for another name.
