@@ -98,7 +98,8 @@ class Problem {
   const std::vector<std::string>& free() const { return free_; }
   const std::vector<std::shared_ptr<const Trial>>& trials() const { return trials_; }
   const Fabric& initial() const { return initial_; }
-  const ParameterInfo& info(int i) const;
+  /// Name, unit and range of free parameter i; the range is that of the initial fabric.
+  const ParameterInfo& info(int i) const { return infos_[static_cast<std::size_t>(i)]; }
   /// Position of a parameter among the free ones, -1 if it is not free.
   int index_of(std::string_view parameter) const;
   /// Scaled coordinates of a fabric's free parameters, and back (clamped to [0, 1] by the caller).
@@ -113,6 +114,7 @@ class Problem {
   Fabric initial_;
   std::vector<std::string> free_;
   std::vector<int> indices_;
+  std::vector<ParameterInfo> infos_;
   std::string fingerprint_;
 };
 

@@ -1,0 +1,107 @@
+#include "weft/estimate/evaluate_trial.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "weft/base/parallel.h"
+
+namespace weft {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// What looks at simulated shapes; one a thread.
+class Eye {
+ public:
+  explicit Eye(const Trial& trial)
+      : renderer_(trial.capture.rig, trial.scene.mesh, trial.options.render),
+        mapper_(trial.capture.rig.width, trial.capture.rig.height, trial.options.angle_map) {}
+
+  FrameError compare_with(const FrameFeatures& measured, const Points& x) {
+    const RenderedFrame& image = renderer_.render(x);
+    return compare(measured, mapper_.compute(image.intensity, image.silhouette), image.silhouette);
+  }
+
+  SimulatedFrame look(const Points& x) {
+    const RenderedFrame& image = renderer_.render(x);
+    return {image, mapper_.compute(image.intensity, image.silhouette)};
+  }
+
+ private:
+  Renderer renderer_;
+  AngleMapper mapper_;
+};
+
+void compare_frames(const Trial& trial, const Trajectory& trajectory, int threads,
+                    std::vector<FrameError>& errors) {
+  const std::size_t workers = worker_count(errors.size(), threads);
+  parallel_for(workers, threads, [&](std::size_t worker) {
+    if (worker >= errors.size()) return;
+    Eye eye(trial);
+    for (std::size_t i = worker; i < errors.size(); i += workers)
+      errors[i] = eye.compare_with(
+          trial.features[i], trajectory.frames[i + static_cast<std::size_t>(trial.first_frame)]);
+  });
+}
+
+void sum_up(TrialEvaluation& evaluation, double alpha) {
+  if (evaluation.diverged) {
+    evaluation.error = evaluation.fold = evaluation.silhouette = evaluation.error_per_mask_pixel =
+        std::numeric_limits<double>::infinity();
+    return;
+  }
+  double mask_pixels = 0;
+  for (const FrameError& frame : evaluation.frames) {
+    evaluation.fold += frame.fold;
+    evaluation.silhouette += frame.silhouette;
+    mask_pixels += frame.mask_pixels;
+  }
+  const auto count = double(evaluation.frames.size());
+  evaluation.fold /= count;
+  evaluation.silhouette /= count;
+  evaluation.error = evaluation.fold + alpha * evaluation.silhouette;
+  evaluation.error_per_mask_pixel = evaluation.error / std::max(1.0, mask_pixels / count);
+}
+
+}  // namespace
+
+std::size_t worker_count(std::size_t count, int threads) {
+  const int limit = threads > 0 ? threads : hardware_threads();
+  return std::clamp<std::size_t>(count, 1, static_cast<std::size_t>(limit));
+}
+
+TrialEvaluation evaluate_scene(const Trial& trial, Scene scene, const Fabric& fabric,
+                               int frame_count, Trajectory* trajectory, int threads) {
+  const auto start = Clock::now();
+  const int compared =
+      frame_count > 0 ? std::min(frame_count, trial.frame_count()) : trial.frame_count();
+  scene.frame_times.resize(static_cast<std::size_t>(trial.first_frame + compared));
+
+  TrialEvaluation evaluation;
+  Trajectory motion = simulate(scene, fabric, trial.options.simulation);
+  evaluation.simulation_s = seconds_since(start);
+  evaluation.diverged = motion.diverged;
+  evaluation.divergence = motion.divergence;
+  const int reached = int(motion.frames.size()) - trial.first_frame;
+  evaluation.frames.resize(static_cast<std::size_t>(std::clamp(reached, 0, compared)));
+  compare_frames(trial, motion, threads, evaluation.frames);
+  sum_up(evaluation, trial.options.alpha);
+  if (trajectory) *trajectory = std::move(motion);
+  evaluation.wall_s = seconds_since(start);
+  return evaluation;
+}
+
+TrialEvaluation evaluate(const Trial& trial, const Fabric& fabric, int frame_count,
+                         Trajectory* trajectory, int threads) {
+  return evaluate_scene(trial, trial.scene, fabric, frame_count, trajectory, threads);
+}
+
+SimulatedFrame look_at(const Trial& trial, const Points& x) { return Eye(trial).look(x); }
+
+}  // namespace weft

@@ -1,0 +1,137 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "weft/base/error.h"
+#include "weft/base/parallel.h"
+#include "weft/estimate/content_hash.h"
+#include "weft/estimate/evaluate_trial.h"
+#include "weft/estimate/feature_cache.h"
+#include "weft/estimate/problem.h"
+#include "weft/registration/stripe_surface.h"
+#include "weft/vision/silhouette.h"
+
+namespace weft {
+namespace {
+
+void check(const TrialOptions& options) {
+  const auto require_grid = [](int count, const char* name) {
+    if (count < 2 || count > 1000)
+      throw Error(fmt::format("{} = {} vertices, valid: 2 to 1000", name, count));
+  };
+  require_grid(options.columns, "columns");
+  require_grid(options.rows, "rows");
+  if (!(options.alpha >= 0) || !std::isfinite(options.alpha))
+    throw Error(fmt::format("alpha = {}, valid: 0 or more", options.alpha));
+}
+
+std::vector<FrameFeatures> extract_features(const std::vector<Image>& frames,
+                                            const Capture& capture, const AngleMapOptions& options,
+                                            int threads) {
+  std::vector<FrameFeatures> features(frames.size());
+  const SilhouetteOptions silhouette{.stripe_period = image_stripe_period(capture)};
+  const std::size_t workers = worker_count(frames.size(), threads);
+  parallel_for(workers, threads, [&](std::size_t worker) {
+    AngleMapper mapper(capture.rig.width, capture.rig.height, options);
+    for (std::size_t i = worker; i < frames.size(); i += workers) {
+      FrameFeatures& f = features[i];
+      f.silhouette = find_silhouette(frames[i], silhouette).silhouette;
+      f.angles = mapper.compute(frames[i], f.silhouette);
+      f.fold_mask = gradient_mask(f.angles, options.mask_threshold);
+      f.angles.strength.resize(0, 0);
+      // Whatever stands where the angle is undefined means nothing; zero compares and stores well.
+      f.angles.angle = (f.angles.valid != 0).select(f.angles.angle, 0.0f);
+    }
+  });
+  return features;
+}
+
+/// Settles every generic start under the default fabric and keeps the one that looks most like the
+/// first compared frame.
+void choose_generic_start(Trial& trial, const std::string& model, int threads) {
+  const std::vector<StartShape> starts = generic_starts(trial.scene);
+  const Fabric fabric = Fabric::with_defaults("default", model);
+  std::vector<double> errors(starts.size());
+  parallel_for(starts.size(), threads, [&](std::size_t i) {
+    Scene scene = trial.scene;
+    scene.start = starts[i].x;
+    errors[i] = evaluate_scene(trial, std::move(scene), fabric, 1, nullptr, 1).error;
+  });
+  const auto best =
+      static_cast<std::size_t>(std::min_element(errors.begin(), errors.end()) - errors.begin());
+  trial.scene.start = starts[best].x;
+  trial.start_name = starts[best].name;
+}
+
+void set_start(Trial& trial, const Image& first_frame, int threads) {
+  const Capture& capture = trial.capture;
+  const Mask silhouette =
+      find_silhouette(first_frame, {.stripe_period = image_stripe_period(capture)}).silhouette;
+  const StripePoints points = decode_stripes(first_frame, silhouette, capture.rig, trial.scene);
+  SurfaceFit fit = fit_surface(points, silhouette, capture.rig, trial.scene);
+  trial.start_note = fit.note;
+  if (fit.usable) {
+    trial.scene.start = std::move(fit.x);
+    trial.start_name = "measured surface";
+    trial.start_residual = fit.residual_median;
+  } else {
+    choose_generic_start(trial, "baraff-witkin", threads);
+  }
+}
+
+void measure(Trial& trial, int last, int threads) {
+  const Capture& capture = trial.capture;
+  const std::vector<Image> frames = read_video(capture, trial.first_frame, last);
+  trial.features = extract_features(frames, capture, trial.options.angle_map, threads);
+  if (trial.first_frame == 0) {
+    set_start(trial, frames.front(), threads);
+  } else {
+    set_start(trial, read_video(capture, 0, 0).front(), threads);
+  }
+}
+
+}  // namespace
+
+double image_stripe_period(const Capture& capture) {
+  Vec3 middle = Vec3::Zero();
+  for (const CaptureFixture& fixture : capture.fixtures)
+    middle += fixture.motion.position(0) / double(capture.fixtures.size());
+  const Vec3 down = capture.gravity.normalized();
+  middle += 0.5 * capture.height * down;
+  // Along the swatch, from the stripe's width in the projector to that in the image.
+  const Vec3 next = middle + 1e-3 * down;
+  const Rig& rig = capture.rig;
+  const double image = (rig.camera.project(next) - rig.camera.project(middle)).head<2>().norm();
+  const double rows = std::abs(rig.projector.project(next).y() - rig.projector.project(middle).y());
+  // Stripes nearly along gravity do not change downwards; any usual period then does as well.
+  const double period = rows > 0 ? rig.pattern.period * image / rows : 0;
+  return std::clamp(period, 4.0, 0.25 * std::min(rig.width, rig.height));
+}
+
+std::shared_ptr<const Trial> prepare_trial(const Capture& capture, int first, int last,
+                                           const TrialOptions& options, int threads,
+                                           const std::filesystem::path& cache_folder) {
+  check(options);
+  if (first < 0 || last < first || last >= capture.frame_count)
+    throw Error(fmt::format("{}: frames {} to {} asked for, the video has 0 to {}",
+                            capture.folder.string(), first, last, capture.frame_count - 1));
+  auto trial = std::make_shared<Trial>();
+  trial->capture = capture;
+  trial->options = options;
+  trial->first_frame = first;
+  trial->scene = make_scene(capture, options.columns, options.rows, 0, last);
+  if (cache_folder.empty()) {
+    measure(*trial, last, threads);
+    return trial;
+  }
+  const std::string key = preparation_key(capture, first, last, options);
+  const std::filesystem::path file = cache_file(cache_folder, capture, key);
+  if (!read_cached(file, key, *trial)) {
+    measure(*trial, last, threads);
+    write_cached(file, key, *trial);
+  }
+  return trial;
+}
+
+}  // namespace weft

@@ -1,0 +1,77 @@
+#include "weft/estimate/problem.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "weft/base/error.h"
+#include "weft/base/parallel.h"
+#include "weft/estimate/content_hash.h"
+
+namespace weft {
+
+Problem::Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initial,
+                 std::vector<std::string> free)
+    : trials_(std::move(trials)), initial_(std::move(initial)), free_(std::move(free)) {
+  if (trials_.empty()) throw Error("no capture to fit");
+  if (free_.empty()) throw Error("no parameter to search");
+  for (const std::string& name : free_) {
+    const int index = parameter_index(initial_.model, name);
+    if (std::find(indices_.begin(), indices_.end(), index) != indices_.end())
+      throw Error(fmt::format("parameter {} is listed twice", name));
+    indices_.push_back(index);
+    infos_.push_back(initial_.info(index));
+  }
+  ContentHash hash;
+  hash.add(initial_.model);
+  for (const auto& trial : trials_) add_trial(hash, *trial);
+  fingerprint_ = hash.hex();
+}
+
+int Problem::index_of(std::string_view parameter) const {
+  const auto at = std::find(free_.begin(), free_.end(), parameter);
+  return at == free_.end() ? -1 : static_cast<int>(at - free_.begin());
+}
+
+VecX Problem::scaled(const Fabric& fabric) const {
+  VecX scaled(dimension());
+  for (int i = 0; i < dimension(); ++i)
+    scaled[i] = to_scaled(info(i), fabric.values[indices_[static_cast<std::size_t>(i)]]);
+  return scaled;
+}
+
+Fabric Problem::fabric(const VecX& scaled) const {
+  Fabric fabric = initial_;
+  for (int i = 0; i < dimension(); ++i) {
+    const ParameterInfo& range = info(i);
+    // Rounding of exp and log must not leave the range.
+    fabric.values[indices_[static_cast<std::size_t>(i)]] =
+        std::clamp(from_scaled(range, scaled[i]), range.lower, range.upper);
+  }
+  return fabric;
+}
+
+ProblemEvaluation evaluate(const Problem& problem, const Fabric& fabric, int frame_count,
+                           int threads) {
+  const auto& trials = problem.trials();
+  std::vector<TrialEvaluation> evaluations(trials.size());
+  const int inner = trials.size() == 1 ? threads : 1;
+  parallel_for(trials.size(), threads, [&](std::size_t i) {
+    evaluations[i] = evaluate(*trials[i], fabric, frame_count, nullptr, inner);
+  });
+
+  ProblemEvaluation sum;
+  const double share = 1 / double(trials.size());
+  for (const TrialEvaluation& evaluation : evaluations) {
+    sum.error += share * evaluation.error_per_mask_pixel;
+    sum.error_per_frame += share * evaluation.error;
+    sum.fold += share * evaluation.fold;
+    sum.silhouette += share * evaluation.silhouette;
+    sum.diverged = sum.diverged || evaluation.diverged;
+    sum.wall_s += evaluation.wall_s;
+  }
+  return sum;
+}
+
+}  // namespace weft
