@@ -43,11 +43,14 @@ void check(const Rig& rig, const RenderOptions& o) {
 /// A point of the surface as both devices see it. Quantities divided by the camera's depth are
 /// affine over the image of a triangle.
 struct Vertex {
-  float x, y;           ///< camera image, samples
-  float inverse_depth;  ///< 1/m; 0: the camera does not see it
-  float a, b, c;        ///< homogeneous projector coordinates over the camera's depth
-  float cosine;         ///< of normal and direction to the projector, signed
-  float row;            ///< projector px, for the size of footprints
+  /// Homogeneous projector coordinates and 1, over the camera's depth. Last one 0: the camera does
+  /// not see it; third one 0: the projector does not.
+  Eigen::Array4f over_depth{0, 0, 0, 0};
+  float x = 0, y = 0;  ///< camera image, samples
+  float cosine = 0;    ///< of normal and direction to the projector, signed
+  float row = 0;       ///< projector px, for the size of footprints
+  float inverse_depth() const { return over_depth[3]; }
+  bool lit() const { return over_depth[2] > 0; }
 };
 
 /// A drawn triangle, as shading needs it.
@@ -78,7 +81,9 @@ struct Renderer::Impl {
         surface(mesh, options.subdivision),
         filter(rig.pattern),
         shadow_map(options.shadow_scale, options.shadow_bias),
-        samples(options.supersampling) {
+        samples(options.supersampling),
+        albedo(static_cast<float>(options.albedo)),
+        ambient(static_cast<float>(options.albedo * options.ambient)) {
     const auto count = static_cast<std::size_t>(surface.points().cols());
     vertices.resize(count);
     shadow_vertices.resize(count);
@@ -142,7 +147,9 @@ struct Renderer::Impl {
   StripeFilter filter;
   ShadowMap shadow_map;
   int samples;
-  int sample_columns;
+  int sample_columns = 0;
+  float albedo;
+  float ambient;  ///< times albedo
   std::vector<Vertex> vertices;
   std::vector<ShadowMap::Vertex> shadow_vertices;
   std::vector<ShadowMap::Slope> slopes;
@@ -187,7 +194,7 @@ void Renderer::Impl::project() {
     const Vertex vertex =
         project_vertex(points.col(column), surface.normals().col(column), shadow_vertices[v]);
     vertices[v] = vertex;
-    if (vertex.inverse_depth <= 0) continue;
+    if (vertex.inverse_depth() <= 0) continue;
     const Eigen::Array2f position(vertex.x, vertex.y);
     low = low.min(position);
     high = high.max(position);
@@ -197,7 +204,7 @@ void Renderer::Impl::project() {
 
 Vertex Renderer::Impl::project_vertex(const Vec3& point, const Vec3& normal,
                                       ShadowMap::Vertex& shadow) const {
-  Vertex out{};
+  Vertex out;
   shadow = {};
   if (!point.allFinite()) return out;
   const Vec3 seen = rig.camera.project(point);
@@ -212,11 +219,9 @@ Vertex Renderer::Impl::project_vertex(const Vec3& point, const Vec3& normal,
   const double inverse = 1 / seen.z(), ratio = lit.z() * inverse;
   out.x = static_cast<float>(seen.x() * samples);
   out.y = static_cast<float>(seen.y() * samples);
-  out.inverse_depth = static_cast<float>(inverse);
+  out.over_depth[3] = static_cast<float>(inverse);
   if (shadow.inverse_depth <= 0) return out;
-  out.a = static_cast<float>(lit.x() * ratio);
-  out.b = static_cast<float>(lit.y() * ratio);
-  out.c = static_cast<float>(ratio);
+  out.over_depth.head<3>() = Eigen::Array3d(lit.x() * ratio, lit.y() * ratio, ratio).cast<float>();
   out.cosine = static_cast<float>(normal.dot((rig.projector.center() - point).normalized()));
   out.row = shadow.y;
   return out;
@@ -246,19 +251,20 @@ void Renderer::Impl::draw() {
 void Renderer::Impl::draw_piece(int t) {
   const auto& corners = surface.triangles()[t];
   const Vertex &a = vertices[corners[0]], &b = vertices[corners[1]], &c = vertices[corners[2]];
-  if (a.inverse_depth <= 0 || b.inverse_depth <= 0 || c.inverse_depth <= 0) return;
+  if (a.inverse_depth() <= 0 || b.inverse_depth() <= 0 || c.inverse_depth() <= 0) return;
   const ImagePoint pa{a.x, a.y}, pb{b.x, b.y}, pc{c.x, c.y};
   Piece& piece = pieces[t];
   if (!piece.gradient.set(pa, pb, pc)) return;
-  const ImagePoint depth = piece.gradient.of(a.inverse_depth, b.inverse_depth, c.inverse_depth);
+  const ImagePoint depth =
+      piece.gradient.of(a.inverse_depth(), b.inverse_depth(), c.inverse_depth());
   const ImagePoint row = piece.gradient.of(a.row, b.row, c.row);
-  const bool lit = a.c > 0 && b.c > 0 && c.c > 0;
+  const bool lit = a.lit() && b.lit() && c.lit();
   piece.facing = !lit ? 0.0f : piece.gradient.twice_area < 0 ? 1.0f : -1.0f;
   piece.footprint = std::sqrt(row.x * row.x + row.y * row.y);
   piece.depth_range = std::abs(depth.x) + std::abs(depth.y);
   for_each_span(
       pa, pb, pc, sample_columns, rig.height * samples, [&](int line, int begin, int end) {
-        const float start = a.inverse_depth + (static_cast<float>(line) + 0.5f - a.y) * depth.y +
+        const float start = a.inverse_depth() + (static_cast<float>(line) + 0.5f - a.y) * depth.y +
                             (0.5f - a.x) * depth.x;
         float* nearest = &inverse_depth[at(line, 0)];
         int* owner = &piece_at[at(line, 0)];
@@ -282,26 +288,25 @@ Shade Renderer::Impl::shade(int t, float x, float y, float footprint_samples) co
   // Not far beyond the piece: the plane of one seen edge-on is steep.
   const float beta = std::clamp(g.x1 * dx + g.y1 * dy, -0.5f, 1.5f);
   const float gamma = std::clamp(g.x2 * dx + g.y2 * dy, -0.5f, 1.5f);
-  const auto at = [&](float Vertex::*value) {
-    return p.*value + beta * (q.*value - p.*value) + gamma * (r.*value - p.*value);
-  };
-  const float inverse = at(&Vertex::inverse_depth);
-  Shade result{static_cast<float>(options.albedo * options.ambient), 1 / inverse, kNoRow};
-  const float cosine = piece.facing * at(&Vertex::cosine);
+  const Eigen::Array4f over_depth =
+      p.over_depth + beta * (q.over_depth - p.over_depth) + gamma * (r.over_depth - p.over_depth);
+  Shade result{ambient, 1 / over_depth[3], kNoRow};
+  const float cosine =
+      piece.facing * (p.cosine + beta * (q.cosine - p.cosine) + gamma * (r.cosine - p.cosine));
   if (!(cosine > 0)) return result;
-  const float scale = 1 / at(&Vertex::c);
-  const float column = at(&Vertex::a) * scale, row = at(&Vertex::b) * scale;
+  const float scale = 1 / over_depth[2];
+  const float column = over_depth[0] * scale, row = over_depth[1] * scale;
   const auto outside = [](float value, double size) {
     return size > 0 && !(value >= 0 && value <= static_cast<float>(size));
   };
   if (outside(column, rig.projector_width) || outside(row, rig.projector_height)) return result;
   const float lit =
-      options.shadows ? shadow_map.lit(column, row, inverse * scale, slopes[t]) : 1.0f;
+      options.shadows ? shadow_map.lit(column, row, over_depth[3] * scale, slopes[t]) : 1.0f;
   if (lit >= 0.5f) result.row = row;
   if (!(lit > 0)) return result;
   const float light = options.filter_stripes ? filter.mean(row, piece.footprint * footprint_samples)
                                              : static_cast<float>(rig.pattern.light(row));
-  result.intensity += static_cast<float>(options.albedo) * light * cosine * lit;
+  result.intensity += albedo * light * cosine * lit;
   return result;
 }
 
