@@ -19,10 +19,10 @@ void print_fixtures(const Capture& capture) {
   for (const CaptureFixture& fixture : capture.fixtures) {
     const Vec3 p = fixture.motion.position(fixture.motion.start_time());
     const Vec3 pixel = capture.rig.camera.project(p);
-    fmt::print("fixture     {} at (u, v) = ({:g}, {:g}) m: starts at ({:.4f}, {:.4f}, {:.4f}) m, seen "
-               "at ({:.1f}, {:.1f}) px\n",
-               fixture.name, fixture.at.x(), fixture.at.y(), p.x(), p.y(), p.z(), pixel.x(),
-               pixel.y());
+    fmt::print(
+        "fixture     {} at (u, v) = ({:g}, {:g}) m: starts at ({:.4f}, {:.4f}, {:.4f}) m, seen "
+        "at ({:.1f}, {:.1f}) px\n",
+        fixture.name, fixture.at.x(), fixture.at.y(), p.x(), p.y(), p.z(), pixel.x(), pixel.y());
   }
 }
 

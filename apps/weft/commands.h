@@ -1,6 +1,6 @@
 #pragma once
-/// The subcommands of the program: one file each, one function that declares its arguments and what it
-/// does. main.cpp holds the table.
+/// The subcommands of the program: one file each, one function that declares its arguments and what
+/// it does. main.cpp holds the table.
 #include <CLI/CLI.hpp>
 
 namespace weft::app {

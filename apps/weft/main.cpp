@@ -23,9 +23,9 @@ std::string one_line(std::string text) {
 
 void add_subcommands(CLI::App& app) {
   using namespace weft::app;
-  for (auto add : {add_check, add_surface, add_fit, add_evaluate, add_compare, add_matrix,
-                   add_landscape, add_variability, add_simulate, add_render, add_synthesize,
-                   add_fabrics}) {
+  for (auto add :
+       {add_check, add_surface, add_fit, add_evaluate, add_compare, add_matrix, add_landscape,
+        add_variability, add_simulate, add_render, add_synthesize, add_fabrics}) {
     add(app);
   }
 }
@@ -33,8 +33,9 @@ void add_subcommands(CLI::App& app) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("weft estimates the parameters of a cloth simulator from video of a swatch under "
-               "projected stripes");
+  CLI::App app(
+      "weft estimates the parameters of a cloth simulator from video of a swatch under "
+      "projected stripes");
   app.set_version_flag("--version", WEFT_VERSION);
   app.require_subcommand(1);
   app.footer("weft COMMAND --help shows the arguments of a command and an example.");

@@ -2,10 +2,13 @@
 
 #include <fmt/core.h>
 
+#include <cstdlib>
 #include <fstream>
 #include <system_error>
 
 #include "weft/base/error.h"
+#include "weft/base/interrupt.h"
+#include "weft/base/progress.h"
 
 namespace weft::app {
 
@@ -16,20 +19,52 @@ void TrialArguments::add_to(CLI::App& command) {
   command.add_option("--steps-per-frame", steps_, "time steps of an implicit integrator")
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();
-  command.add_option("--integrator", integrator_,
-                     "bdf2, newmark, implicit-euler or runge-kutta")
+  command.add_option("--integrator", integrator_, "bdf2, newmark, implicit-euler or runge-kutta")
       ->check(CLI::IsMember({"bdf2", "newmark", "implicit-euler", "runge-kutta"}))
       ->capture_default_str();
   command.add_option("--alpha", alpha_, "weight of the silhouette in the error")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
-  command.add_option("--fold-threshold", mask_threshold_,
-                     "gradient of the angle map above which a pixel is part of a fold, rad/px")
+  command
+      .add_option("--fold-threshold", mask_threshold_,
+                  "gradient of the angle map above which a pixel is part of a fold, rad/px")
       ->check(CLI::Range(0.0, 3.2))
+      ->capture_default_str();
+  command
+      .add_option("--cache", cache_,
+                  "folder that keeps what was computed from videos; none: nothing is kept")
       ->capture_default_str();
   command.add_option("--threads", threads_, "0: all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
+}
+
+std::string TrialArguments::default_cache_folder() {
+  if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache) {
+    return (std::filesystem::path(cache) / "weft").string();
+  }
+  if (const char* home = std::getenv("HOME"); home && *home) {
+    return (std::filesystem::path(home) / ".cache" / "weft").string();
+  }
+  return "none";
+}
+
+std::shared_ptr<const Trial> TrialArguments::prepare(const std::string& folder,
+                                                     Frames frames) const {
+  const Capture capture = read_capture(folder);
+  return prepare(capture, capture.fit_first,
+                 frames == Frames::fit ? capture.fit_last : capture.frame_count - 1);
+}
+
+std::shared_ptr<const Trial> TrialArguments::prepare(const Capture& capture, int first,
+                                                     int last) const {
+  const std::filesystem::path cache = cache_ == "none" ? std::string() : cache_;
+  auto trial = prepare_trial(capture, first, last, options(), threads_, cache);
+  if (trial->start_name != "measured surface") {
+    fmt::print(stderr, "{}: the motion starts from the shape \"{}\": {}\n", capture.name,
+               trial->start_name, trial->start_note);
+  }
+  return trial;
 }
 
 TrialOptions TrialArguments::options() const {
@@ -60,9 +95,10 @@ void prepare_output_folder(const std::filesystem::path& folder,
   if (existing == Existing::refuse) {
     for (const std::string& name : results) {
       if (std::filesystem::exists(folder / name)) {
-        throw Error(fmt::format("{}: holds {} of another run; name another folder, or give "
-                                "--overwrite",
-                                folder.string(), name));
+        throw Error(
+            fmt::format("{}: holds {} of another run; name another folder, or give "
+                        "--overwrite",
+                        folder.string(), name));
       }
     }
   }
@@ -75,6 +111,16 @@ void prepare_output_folder(const std::filesystem::path& folder,
     if (!file) throw Error(fmt::format("{}: cannot be written to", folder.string()));
   }
   std::filesystem::remove(probe, failure);
+}
+
+std::function<bool(std::size_t, std::size_t)> progress_observer(const std::string& label) {
+  // The bar is made at the first call, when the total is known, and lives as long as the observer.
+  auto bar = std::make_shared<std::unique_ptr<Progress>>();
+  return [bar, label](std::size_t done, std::size_t total) {
+    if (!*bar) *bar = std::make_unique<Progress>(label, total);
+    (*bar)->update(done);
+    return !interrupted();
+  };
 }
 
 }  // namespace weft::app

@@ -2,6 +2,8 @@
 /// Arguments that several subcommands share.
 #include <CLI/CLI.hpp>
 #include <filesystem>
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -16,6 +18,9 @@ class TrialArguments {
   /// Throws Error for values outside their ranges.
   TrialOptions options() const;
   int threads() const { return threads_; }
+  /// Reads the capture's frames first..last (last < 0: up to the end; first < 0: the fit frames)
+  /// and prepares them, keeping what was computed from the video in the cache folder.
+  std::shared_ptr<const Trial> prepare(const Capture& capture, int first, int last) const;
 
  private:
   int grid_ = 25;
@@ -24,16 +29,20 @@ class TrialArguments {
   double alpha_ = 0.1;
   double mask_threshold_ = AngleMapOptions().mask_threshold;
   int threads_ = 0;
+  std::string cache_ = default_cache_folder();
+  static std::string default_cache_folder();
 };
 
 /// Writes `text` to `path`; throws Error if that is not possible.
 void write_text(const std::filesystem::path& path, const std::string& text);
 
-/// Makes the folder if needed. Throws Error if it cannot be made or written to, or if it holds one of
-/// `results` (the files of another run) and `overwrite` is not given.
+/// Makes the folder if needed. Throws Error if it cannot be made or written to, or if it holds one
+/// of `results` (the files of another run) and `overwrite` is not given.
 enum class Existing { refuse, overwrite };
 void prepare_output_folder(const std::filesystem::path& folder,
                            const std::vector<std::string>& results, Existing existing);
 
+/// Observer of a grid of evaluations: shows progress, and stops on Ctrl-C.
+std::function<bool(std::size_t, std::size_t)> progress_observer(const std::string& label);
 
 }  // namespace weft::app

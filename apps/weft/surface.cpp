@@ -73,11 +73,11 @@ void run(const Arguments& arguments) {
              1e3 * fit.residual_median, 1e3 * fit.residual_p95);
   if (!fit.usable) fmt::print("not usable as a start: {}\n", fit.note);
   if (result.contains("distance_mean")) {
-    fmt::print("distance to the true surface at the same (u, v): mean {:.2f} mm, rms {:.2f} mm, max "
-               "{:.2f} mm\n",
-               1e3 * result["distance_mean"].get<double>(),
-               1e3 * result["distance_rms"].get<double>(),
-               1e3 * result["distance_max"].get<double>());
+    fmt::print(
+        "distance to the true surface at the same (u, v): mean {:.2f} mm, rms {:.2f} mm, max "
+        "{:.2f} mm\n",
+        1e3 * result["distance_mean"].get<double>(), 1e3 * result["distance_rms"].get<double>(),
+        1e3 * result["distance_max"].get<double>());
   }
   fmt::print("mesh: {}\n", arguments.out);
 }

@@ -1,0 +1,121 @@
+#include <fmt/core.h>
+
+#include <memory>
+#include <string>
+
+#include "commands.h"
+#include "options.h"
+#include "weft/base/error.h"
+#include "weft/estimate/cross.h"
+#include "weft/estimate/evaluate_capture.h"
+#include "weft/report/plot.h"
+
+namespace weft::app {
+namespace {
+
+struct Arguments {
+  std::vector<std::string> captures;
+  std::vector<std::string> fabrics;
+  std::string keep;
+  std::string out;
+  bool overwrite = false;
+  TrialArguments trial;
+};
+
+struct Comparison {
+  std::vector<Fabric> fabrics;
+  std::vector<std::shared_ptr<const Trial>> trials;
+  CrossEvaluation cross;
+  VecX sum;
+  int selected = 0;
+};
+
+Comparison compare_fabrics(const Arguments& arguments) {
+  Comparison c;
+  for (const std::string& name : arguments.fabrics) c.fabrics.push_back(find_fabric(name));
+  for (const std::string& folder : arguments.captures) {
+    c.trials.push_back(arguments.trial.prepare(folder, TrialArguments::Frames::fit));
+  }
+  c.cross =
+      cross_evaluate(c.fabrics, c.trials, arguments.trial.threads(), progress_observer("compare"));
+  c.sum = c.cross.error.rowwise().sum();
+  Eigen::Index best = 0;
+  c.sum.minCoeff(&best);
+  c.selected = static_cast<int>(best);
+  return c;
+}
+
+void print_table(const Comparison& c) {
+  fmt::print("error per frame\n{:<28}", "fabric");
+  for (const auto& trial : c.trials) fmt::print(" {:>20}", trial->capture.name);
+  fmt::print(" {:>12}\n", "sum");
+  for (std::size_t i = 0; i < c.fabrics.size(); ++i) {
+    fmt::print("{:<28}", c.fabrics[i].name);
+    for (double error : c.cross.error.row(static_cast<long>(i))) fmt::print(" {:>20.5g}", error);
+    fmt::print(" {:>12.5g}{}\n", c.sum[static_cast<long>(i)],
+               static_cast<int>(i) == c.selected ? "  kept" : "");
+  }
+}
+
+/// Error of each frame for each fabric, one picture a capture.
+void write_plots(const Arguments& arguments, const Comparison& c) {
+  for (const auto& trial : c.trials) {
+    LinePlot plot;
+    plot.title = fmt::format("Error per frame of {}", trial->capture.name);
+    plot.x = {.label = "time", .unit = "s"};
+    plot.y = {.label = "error (equation 8)", .unit = "rad^2", .from_zero = true};
+    for (const Fabric& fabric : c.fabrics) {
+      const TrialEvaluation evaluation =
+          evaluate(*trial, fabric, 0, nullptr, arguments.trial.threads());
+      PlotSeries series;
+      series.name = fabric.name;
+      for (std::size_t k = 0; k < evaluation.frames.size(); ++k) {
+        series.x.push_back((trial->first_frame + static_cast<double>(k)) /
+                           trial->capture.frame_rate);
+        series.y.push_back(evaluation.frames[k].total(trial->options.alpha));
+      }
+      plot.series.push_back(series);
+    }
+    write_plot(std::filesystem::path(arguments.out) / (trial->capture.name + ".svg"), plot);
+  }
+}
+
+void run(const Arguments& arguments) {
+  if (!arguments.out.empty()) {
+    prepare_output_folder(arguments.out, {},
+                          arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  }
+  const Comparison c = compare_fabrics(arguments);
+  print_table(c);
+  if (!arguments.out.empty()) write_plots(arguments, c);
+  if (!arguments.keep.empty()) {
+    write_fabric(arguments.keep, c.fabrics[static_cast<std::size_t>(c.selected)]);
+    fmt::print("{}\n", arguments.keep);
+  }
+}
+
+}  // namespace
+
+void add_compare(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "compare", "fabrics side by side on some captures; keeps the one with the smallest sum");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("captures", arguments->captures, "capture folders, such as two trials")
+      ->required();
+  command
+      ->add_option("--fabrics", arguments->fabrics,
+                   "presets or fabric.toml files, such as the "
+                   "fits of the two trials")
+      ->required();
+  command->add_option("--keep", arguments->keep,
+                      "write the fabric with the smallest sum of errors to this file");
+  command->add_option("--out", arguments->out, "folder for plots of the error of each frame");
+  command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
+  arguments->trial.add_to(*command);
+  command->footer(
+      "Example:\n  weft compare trial1 trial2 --fabrics fit1/fabric.toml fit2/fabric.toml --keep "
+      "kept.toml");
+  command->callback([arguments] { run(*arguments); });
+}
+
+}  // namespace weft::app

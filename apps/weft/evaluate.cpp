@@ -1,0 +1,109 @@
+#include <fmt/core.h>
+
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "commands.h"
+#include "options.h"
+#include "weft/capture/capture.h"
+#include "weft/estimate/evaluate_capture.h"
+
+namespace weft::app {
+namespace {
+
+struct Arguments {
+  std::string capture;
+  std::string fabric;
+  bool json = false;
+  TrialArguments trial;
+};
+
+/// JSON has no infinity; a simulation that diverged has no error.
+nlohmann::json number(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
+}
+
+void add_distance(nlohmann::json& object, const std::optional<SurfaceDistance>& distance) {
+  if (!distance) return;
+  object["distance_mean"] = number(distance->mean);
+  object["distance_rms"] = number(distance->rms);
+  object["distance_max"] = number(distance->max);
+}
+
+nlohmann::json to_json(const CaptureEvaluation::Part& part) {
+  nlohmann::json object = {{"first", part.first},
+                           {"last", part.last},
+                           {"error", number(part.error)},
+                           {"fold", number(part.fold)},
+                           {"silhouette", number(part.silhouette)},
+                           {"error_per_mask_pixel", number(part.error_per_mask_pixel)}};
+  add_distance(object, part.distance);
+  return object;
+}
+
+nlohmann::json to_json(const CaptureEvaluation& evaluation) {
+  nlohmann::json frames = nlohmann::json::array();
+  for (const CaptureEvaluation::Frame& frame : evaluation.frames) {
+    nlohmann::json object = {{"frame", frame.frame},
+                             {"error", number(frame.total)},
+                             {"fold", number(frame.error.fold)},
+                             {"silhouette", number(frame.error.silhouette)}};
+    add_distance(object, frame.distance);
+    frames.push_back(object);
+  }
+  return {{"fit", to_json(evaluation.fit)},
+          {"validation",
+           evaluation.validation ? to_json(*evaluation.validation) : nlohmann::json(nullptr)},
+          {"frames", frames},
+          {"diverged", evaluation.diverged},
+          {"divergence", evaluation.divergence},
+          {"start", evaluation.start_name},
+          {"wall_s", evaluation.wall_s}};
+}
+
+void print_part(const char* name, const CaptureEvaluation::Part& part) {
+  fmt::print(
+      "{:<11} frames {:>3} to {:>3}: error {:.4g} per frame (fold {:.4g}, silhouette {:.4g}), "
+      "{:.4g} per masked pixel",
+      name, part.first, part.last, part.error, part.fold, part.silhouette,
+      part.error_per_mask_pixel);
+  if (part.distance) {
+    fmt::print("; distance to the truth: mean {:.2f}, rms {:.2f}, max {:.1f} mm",
+               1e3 * part.distance->mean, 1e3 * part.distance->rms, 1e3 * part.distance->max);
+  }
+  fmt::print("\n");
+}
+
+void run(const Arguments& arguments) {
+  const Fabric fabric = find_fabric(arguments.fabric);
+  const Capture capture = read_capture(arguments.capture);
+  const auto trial = arguments.trial.prepare(capture, capture.fit_first, capture.frame_count - 1);
+  const CaptureEvaluation evaluation =
+      evaluate_capture(*trial, fabric, capture.truth.has_value(), arguments.trial.threads());
+  if (arguments.json) {
+    fmt::print("{}\n", to_json(evaluation).dump(2));
+    return;
+  }
+  print_part("fit", evaluation.fit);
+  if (evaluation.validation) print_part("validation", *evaluation.validation);
+  if (evaluation.diverged) fmt::print("diverged: {}\n", evaluation.divergence);
+}
+
+}  // namespace
+
+void add_evaluate(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "evaluate", "how well a fabric explains a capture: fit frames and later ones apart");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("capture", arguments->capture, "capture folder")->required();
+  command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
+  command->add_flag("--json", arguments->json, "print one JSON object");
+  arguments->trial.add_to(*command);
+  command->footer(
+      "Example:\n  weft evaluate data/captures/cotton_waving_A --fabric out/fabric.toml --json");
+  command->callback([arguments] { run(*arguments); });
+}
+
+}  // namespace weft::app

@@ -1,0 +1,67 @@
+#include <fmt/core.h>
+
+#include <memory>
+#include <string>
+
+#include "commands.h"
+#include "options.h"
+#include "weft/estimate/synthetic.h"
+
+namespace weft::app {
+namespace {
+
+struct Arguments {
+  std::string fabric;
+  std::string out;
+  std::string layout;
+  LayoutOptions design;
+  SyntheticOptions options;
+  int grid = 37;
+  bool overwrite = false;
+};
+
+void run(Arguments arguments) {
+  const Fabric fabric = find_fabric(arguments.fabric);
+  prepare_output_folder(arguments.out, {"capture.toml"},
+                        arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  Capture layout =
+      arguments.layout.empty() ? make_layout(arguments.design) : read_capture(arguments.layout);
+  arguments.options.columns = arguments.options.rows = arguments.grid;
+  const Capture made = make_synthetic_capture(arguments.out, layout, fabric, arguments.options);
+  fmt::print("{}: {} frames of {}\n", made.folder.string(), made.frame_count, fabric.name);
+}
+
+}  // namespace
+
+void add_synthesize(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "synthesize", "a capture with known truth: another mesh, finer steps, sensor noise");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
+  command->add_option("--out", arguments->out, "capture folder to write")->required();
+  command->add_option("--like", arguments->layout,
+                      "take rig, swatch and motion from this capture (default: a rig of its own)");
+  command->add_option("--areal-density", arguments->design.areal_density, "kg/m^2, without --like")
+      ->check(CLI::Range(1e-3, 10.0))
+      ->capture_default_str();
+  command->add_option("--frames", arguments->design.frame_count, "without --like")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->add_option("--grid", arguments->grid, "vertices along each side of the truth")
+      ->check(CLI::Range(3, 401))
+      ->capture_default_str();
+  command->add_option("--steps-per-frame", arguments->options.simulation.steps_per_frame)
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
+  command
+      ->add_option("--start-shape", arguments->options.start_shape,
+                   "which of the generic start shapes settles")
+      ->capture_default_str();
+  command->add_option("--seed", arguments->options.seed, "of the noise")->capture_default_str();
+  command->add_flag("--no-noise{false}", arguments->options.with_noise, "a perfect sensor");
+  command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
+  command->footer("Example:\n  weft synthesize --fabric satin --out out/satin_capture");
+  command->callback([arguments] { run(*arguments); });
+}
+
+}  // namespace weft::app
