@@ -6,7 +6,8 @@
 namespace weft {
 namespace {
 
-// Share of the frame's typical contrast below which a change of light is taken for noise or shading.
+// Share of the frame's typical contrast below which a change of light is taken for noise or
+// shading.
 constexpr double least_contrast_share = 0.10;
 // Distance of the rim (px) within which the end of the cloth blurs into the stripes.
 constexpr int rim_margin = 2;
@@ -36,7 +37,8 @@ bool away_from_rim(const Mask& silhouette, int column, int row) {
              .minCoeff() != 0;
 }
 
-/// Two-pixel means across row boundary y (between rows y - 1 and y): positive where it gets brighter.
+/// Two-pixel means across row boundary y (between rows y - 1 and y): positive where it gets
+/// brighter.
 double step_at(const std::vector<double>& profile, std::size_t y) {
   return 0.5 * (profile[y] + profile[y + 1] - profile[y - 1] - profile[y - 2]);
 }
@@ -65,8 +67,8 @@ void find_steps(const std::vector<double>& profile, double threshold, std::vecto
   }
 }
 
-/// Mean of the profile between continuous coordinates `from` and `to` (pixel centres inside), or the
-/// profile at the nearest centre to their middle if none is.
+/// Mean of the profile between continuous coordinates `from` and `to` (pixel centres inside), or
+/// the profile at the nearest centre to their middle if none is.
 double plateau(const std::vector<double>& profile, double from, double to) {
   const int last = static_cast<int>(profile.size()) - 1;
   const int first_row = std::clamp(static_cast<int>(std::ceil(from - 0.5)), 0, last);
@@ -84,7 +86,8 @@ double plateau(const std::vector<double>& profile, double from, double to) {
 /// not within two pixels.
 double crossing(const std::vector<double>& profile, int row, double level, double sign) {
   double best = std::nan("");
-  for (int y = std::max(row - 3, 0); y <= row + 1 && y + 1 < static_cast<int>(profile.size()); ++y) {
+  for (int y = std::max(row - 3, 0); y <= row + 1 && y + 1 < static_cast<int>(profile.size());
+       ++y) {
     const double above = sign * (profile[static_cast<std::size_t>(y)] - level);
     const double below = sign * (profile[static_cast<std::size_t>(y) + 1] - level);
     if (above > 0 || below <= 0) continue;
