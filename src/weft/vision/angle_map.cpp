@@ -26,8 +26,8 @@ using detail::Taps;
 
 constexpr float kPi = std::numbers::pi_v<float>;
 
-/// The last tap stands where the Gaussian is exp(-2.4^2) = 0.3 %. The peak of the response is then at
-/// a period of pi / spacing = 1.31 radius, and half of it at 2.9 radius.
+/// The last tap stands where the Gaussian is exp(-2.4^2) = 0.3 %. The peak of the response is then
+/// at a period of pi / spacing = 1.31 radius, and half of it at 2.9 radius.
 constexpr double kReach = 2.4;
 /// Period at which G2 and H2 are an exact quadrature pair, of the radius: 17 px for 6 px.
 constexpr double kPeriodPerRadius = 17.0 / 6.0;
@@ -82,7 +82,9 @@ struct AngleMapper::Impl {
   void combine(int y);
   void finish(int y);
   void drop_weak();
-  float* ring(std::size_t factor, int y) { return filtered_[factor].row((y + 2 * radius_ + 1) % (2 * radius_ + 1)); }
+  float* ring(std::size_t factor, int y) {
+    return filtered_[factor].row((y + 2 * radius_ + 1) % (2 * radius_ + 1));
+  }
 
   const int width_, height_;
   const AngleMapOptions options_;
@@ -93,8 +95,8 @@ struct AngleMapper::Impl {
   AngleMap map_;
   Box box_;
   // Rows and columns of the box.
-  Plane weight_;      ///< 1 inside the region
-  Plane light_;       ///< relative to the local mean, 0 outside the region
+  Plane weight_;               ///< 1 inside the region
+  Plane light_;                ///< relative to the local mean, 0 outside the region
   Plane blurred2_, blurred3_;  ///< C2 and C3 blurred along x
   Plane row2_, row3_;          ///< one row of C2 and C3
   Plane mean_row_;
@@ -107,7 +109,8 @@ AngleMapper::Impl::Impl(int width_px, int height_px, const AngleMapOptions& give
       height_(height_px),
       options_(given),
       radius_(int(std::lround(given.kernel_radius))),
-      basis_(detail::make_steerable_basis(std::clamp(radius_, 2, 64), kReach, kPeriodPerRadius * std::clamp(radius_, 2, 64))),
+      basis_(detail::make_steerable_basis(std::clamp(radius_, 2, 64), kReach,
+                                          kPeriodPerRadius * std::clamp(radius_, 2, 64))),
       blur_(detail::gaussian_taps(std::clamp(given.blur_sigma, 0.1, 64.0))),
       mean_(kMeanSigmaPerRadius * given.kernel_radius) {
   const auto require = [](double value, double lower, double upper, const char* name) {
@@ -130,8 +133,8 @@ void AngleMapper::Impl::check(const Image& intensity, const Mask& region) const 
     return std::to_string(columns) + " x " + std::to_string(rows);
   };
   if (intensity.rows() != height_ || intensity.cols() != width_)
-    throw Error("angle map: image is " + size(intensity.rows(), intensity.cols()) + " px, must be " +
-                size(height_, width_));
+    throw Error("angle map: image is " + size(intensity.rows(), intensity.cols()) +
+                " px, must be " + size(height_, width_));
   if (region.size() != 0 && (region.rows() != height_ || region.cols() != width_))
     throw Error("angle map: region is " + size(region.rows(), region.cols()) + " px, must be " +
                 size(height_, width_));
@@ -180,7 +183,8 @@ void AngleMapper::Impl::normalise(const Image& intensity) {
     float* mean = mean_row_.row(0);
     float* out = light_.row(y);
     mean_.row(box_.y0 + y, mean);
-    for (int x = 0; x < box_.width(); ++x) out[x] = weight[x] * (in[x] - mean[x]) / (mean[x] + floor);
+    for (int x = 0; x < box_.width(); ++x)
+      out[x] = weight[x] * (in[x] - mean[x]) / (mean[x] + floor);
   }
 }
 
@@ -219,8 +223,8 @@ void AngleMapper::Impl::filter_along_x(int y) {
 /// The factors along y, the coefficients of the oriented energy, and their blur along x.
 ///
 /// As functions of theta, G2 = p + q cos 2t + r sin 2t and H2 = a1 cos t + b1 sin t + a3 cos 3t +
-/// b3 sin 3t; C2 and C3 are the cos 2t and sin 2t coefficients of G2^2 + H2^2 (halved, which changes
-/// no angle).
+/// b3 sin 3t; C2 and C3 are the cos 2t and sin 2t coefficients of G2^2 + H2^2 (halved, which
+/// changes no angle).
 void AngleMapper::Impl::combine(int y) {
   const SteerableBasis& b = basis_;
   const float* e0 = ring(0, y);
@@ -269,8 +273,8 @@ void AngleMapper::Impl::combine(int y) {
   }
 }
 
-/// The blur along y and the angle. C2 and C3 point across the stripes; a quarter turn is a change of
-/// both signs.
+/// The blur along y and the angle. C2 and C3 point across the stripes; a quarter turn is a change
+/// of both signs.
 void AngleMapper::Impl::finish(int y) {
   const int reach = int(blur_.size()) - 1;
   const std::ptrdiff_t stride = blurred2_.row(1) - blurred2_.row(0);
@@ -290,3 +294,88 @@ void AngleMapper::Impl::finish(int y) {
     strength[x] = weight[x] * std::sqrt(c2[x] * c2[x] + c3[x] * c3[x]);
   }
 }
+
+/// Angles are defined where the strength reaches the fraction energy_threshold of its 95th
+/// percentile inside the region (taken over every third pixel).
+void AngleMapper::Impl::drop_weak() {
+  sample_.clear();
+  for (int y = 0; y < box_.height(); ++y) {
+    const float* weight = weight_.row(y);
+    const float* strength = &map_.strength(box_.y0 + y, box_.x0);
+    for (int x = y % 3; x < box_.width(); x += 3)
+      if (weight[x] > 0) sample_.push_back(strength[x]);
+  }
+  if (sample_.empty()) return;
+  const auto at = sample_.begin() + std::ptrdiff_t(0.95 * double(sample_.size() - 1));
+  std::nth_element(sample_.begin(), at, sample_.end());
+  const float least = std::max(float(options_.energy_threshold) * *at, 1e-12f);
+  for (int y = 0; y < box_.height(); ++y) {
+    const float* strength = &map_.strength(box_.y0 + y, box_.x0);
+    std::uint8_t* valid = &map_.valid(box_.y0 + y, box_.x0);
+    for (int x = 0; x < box_.width(); ++x) valid[x] = strength[x] >= least ? 1 : 0;
+  }
+}
+
+const AngleMap& AngleMapper::Impl::compute(const Image& intensity, const Mask& region) {
+  check(intensity, region);
+  clear_outputs();
+  box_ = region.size() == 0 ? Box{0, 0, width_, height_} : detail::bounding_box(region);
+  if (box_.empty()) return map_;
+  set_weights(region);
+  normalise(intensity);
+
+  const int reach = int(blur_.size()) - 1;
+  for (Plane& rows : filtered_) rows.resize(2 * radius_ + 1, box_.width(), 0);
+  for (Plane* row : {&row2_, &row3_}) row->resize(1, box_.width(), reach);
+  for (Plane* plane : {&blurred2_, &blurred3_})
+    plane->resize(box_.height() + 2 * reach, box_.width(), 0);
+  for (int y = -radius_; y < radius_; ++y) filter_along_x(y);
+  for (int y = 0; y < box_.height(); ++y) {
+    filter_along_x(y + radius_);
+    combine(y);
+  }
+  for (int y = 0; y < box_.height(); ++y) finish(y);
+  drop_weak();
+  return map_;
+}
+
+AngleMapper::AngleMapper(int width, int height, const AngleMapOptions& options)
+    : impl_(std::make_unique<Impl>(width, height, options)) {}
+AngleMapper::~AngleMapper() = default;
+AngleMapper::AngleMapper(AngleMapper&&) noexcept = default;
+
+const AngleMap& AngleMapper::compute(const Image& intensity, const Mask& region) {
+  return impl_->compute(intensity, region);
+}
+
+float orientation_difference(float a, float b) {
+  const float d = std::remainder(a - b, kPi);
+  return d <= -kPi / 2 ? d + kPi : d;
+}
+
+Mask gradient_mask(const AngleMap& map, double threshold) {
+  if (!(threshold >= 0)) throw Error("gradient mask: threshold must be at least 0 rad/px");
+  const Eigen::Index rows = map.angle.rows(), columns = map.angle.cols();
+  Mask mask = Mask::Zero(rows, columns);
+  const auto valid = [&](Eigen::Index y, Eigen::Index x) {
+    return y >= 0 && x >= 0 && y < rows && x < columns && map.valid(y, x) != 0;
+  };
+  // The chain rule on (cos 2a, sin 2a) amounts to wrapped differences; one-sided next to pixels
+  // without an angle.
+  const auto slope = [&](Eigen::Index y, Eigen::Index x, Eigen::Index dy, Eigen::Index dx) {
+    const bool after = valid(y + dy, x + dx), before = valid(y - dy, x - dx);
+    const float here = map.angle(y, x);
+    const float forward = after ? orientation_difference(map.angle(y + dy, x + dx), here) : 0.0f;
+    const float backward = before ? orientation_difference(here, map.angle(y - dy, x - dx)) : 0.0f;
+    return after && before ? 0.5f * (forward + backward) : forward + backward;
+  };
+  for (Eigen::Index y = 0; y < rows; ++y)
+    for (Eigen::Index x = 0; x < columns; ++x) {
+      if (map.valid(y, x) == 0) continue;
+      const double gx = double(slope(y, x, 0, 1)), gy = double(slope(y, x, 1, 0));
+      mask(y, x) = gx * gx + gy * gy >= threshold * threshold ? 1 : 0;
+    }
+  return mask;
+}
+
+}  // namespace weft

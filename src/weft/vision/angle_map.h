@@ -7,16 +7,16 @@ namespace weft {
 
 /// Settings of the eye (Bhat 2003, section 4).
 struct AngleMapOptions {
-  double kernel_radius = 6;    ///< px; taps at integers from -radius to radius ("kernel size 12")
-  double blur_sigma = 3;       ///< px, of the Gaussian that blurs the squared-response coefficients
-  double mask_threshold = 0.02;  ///< tau, rad/px: gradient of the angle map above which a fold is
-  double energy_threshold = 0.02;  ///< oriented energy below this fraction of the frame's 95th percentile
-                                   ///< has no defined angle
+  double kernel_radius = 6;  ///< px; taps at integers from -radius to radius ("kernel size 12")
+  double blur_sigma = 3;     ///< px, of the Gaussian that blurs the squared-response coefficients
+  double mask_threshold = 0.02;    ///< tau, rad/px: gradient of the angle map above which a fold is
+  double energy_threshold = 0.02;  ///< oriented energy below this fraction of the frame's 95th
+                                   ///< percentile has no defined angle
 };
 
 /// Orientation of the stripes in an image.
 struct AngleMap {
-  Image angle;     ///< rad, modulo pi, in (-pi/2, pi/2]: direction along the stripes, x axis towards y
+  Image angle;  ///< rad, modulo pi, in (-pi/2, pi/2]: direction along the stripes, x axis towards y
   Image strength;  ///< amplitude of the second angular harmonic, >= 0
   Mask valid;      ///< 1 where the angle is defined
 };
@@ -40,8 +40,8 @@ class AngleMapper {
 /// a - b for orientations, wrapped to (-pi/2, pi/2].
 float orientation_difference(float a, float b);
 
-/// Equation 4: 1 where the gradient of the angle map (taken on the doubled angle) is at least tau and
-/// the angle is valid.
+/// Equation 4: 1 where the gradient of the angle map (taken on the doubled angle) is at least tau
+/// and the angle is valid.
 Mask gradient_mask(const AngleMap& map, double threshold);
 
 }  // namespace weft

@@ -15,15 +15,16 @@ std::array<float, 4> spline_weights(double t) {
           float((3 * s * s * s - 6 * s * s + 4) / 6), float(t * t * t / 6)};
 }
 
-/// Blocks before a pixel's centre, in blocks between the blocks' centres: pixel p of a block lies at
-/// (p + 1/2) / 4 - 1/2 from its centre.
+/// Blocks before a pixel's centre, in blocks between the blocks' centres: pixel p of a block lies
+/// at (p + 1/2) / 4 - 1/2 from its centre.
 double block_offset(int pixel) { return (pixel + 0.5) / kBlock - 0.5; }
 
 void blur_along(const Taps& taps, const float* in, std::ptrdiff_t step, float* out, int count) {
   const int radius = int(taps.size()) - 1;
   for (int i = 0; i < count; ++i) {
     float sum = taps[0] * in[i];
-    for (int n = 1; n <= radius; ++n) sum += taps[std::size_t(n)] * (in[i - n * step] + in[i + n * step]);
+    for (int n = 1; n <= radius; ++n)
+      sum += taps[std::size_t(n)] * (in[i - n * step] + in[i + n * step]);
     out[i] = sum;
   }
 }

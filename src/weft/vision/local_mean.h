@@ -7,8 +7,9 @@
 namespace weft::detail {
 
 /// Mean light around each pixel over the pixels of a mask only (normalized convolution): sums over
-/// 4 x 4 blocks, a Gaussian on the blocks, and cubic B-splines between them, for the masked light and
-/// the mask alike. Blocks are aligned to the image, so that the result does not depend on the box.
+/// 4 x 4 blocks, a Gaussian on the blocks, and cubic B-splines between them, for the masked light
+/// and the mask alike. Blocks are aligned to the image, so that the result does not depend on the
+/// box.
 class LocalMean {
  public:
   /// `sigma` in px, of the whole smoothing, at least 4.

@@ -13,7 +13,7 @@ constexpr int kPack = 16;
 using Pack = Eigen::Array<float, kPack, 1>;
 
 inline Pack load(const float* p) { return Eigen::Map<const Pack>(p); }
-inline void store(float* p, const Pack& value) { Eigen::Map<Pack>(p) = value; }
+inline void store(float* p, const Pack& value) { Eigen::Map<Pack>{p} = value; }
 inline int round_up(int value) { return (value + kPack - 1) / kPack * kPack; }
 
 /// Rows of floats, zero at first, with at least `margin` floats before and after each row, and room

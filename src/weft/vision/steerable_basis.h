@@ -26,8 +26,8 @@ struct SteerableBasis {
   float gain_h = 1;
 };
 
-/// `reach` = spacing * radius: the last tap stands where the Gaussian is exp(-reach^2). The gains make
-/// G2 and H2 a quadrature pair at `period` px.
+/// `reach` = spacing * radius: the last tap stands where the Gaussian is exp(-reach^2). The gains
+/// make G2 and H2 a quadrature pair at `period` px.
 SteerableBasis make_steerable_basis(int radius, double reach, double period);
 
 /// Normalized Gaussian out to 3 sigma.
