@@ -9,8 +9,9 @@
 
 namespace weft {
 
-/// Brown-Conrady lens distortion of the camera (k1, k2, p1, p2, k3), in OpenCV's convention; frames
-/// are undistorted when they are read. Needs the camera matrix, taken from the projection.
+/// Brown-Conrady lens distortion of the camera, in OpenCV's convention (k1, k2, k3 radial, p1, p2
+/// tangential, no unit, 0 = none); frames are undistorted when they are read. It acts on normalized
+/// camera coordinates; the camera matrix is taken from the projection.
 struct LensDistortion {
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
 };
@@ -18,7 +19,7 @@ struct LensDistortion {
 /// A fixture as the capture names it: a point of the undeformed swatch and its measured path.
 struct CaptureFixture {
   std::string name;
-  Vec2 at;        ///< (u, v), m
+  Vec2 at;  ///< (u, v), m
   Motion motion;
 };
 
@@ -36,8 +37,8 @@ struct Capture {
   double width = 0, height = 0;  ///< swatch, m
   double areal_density = 0;      ///< kg/m^2
   Vec3 gravity{0, 0, -9.81};
-  std::filesystem::path video;   ///< file or numbered images, absolute
-  double frame_rate = 0;         ///< 1/s
+  std::filesystem::path video;  ///< file or numbered images, absolute
+  double frame_rate = 0;        ///< 1/s
   int frame_count = 0;
   int fit_first = 0, fit_last = 0;  ///< inclusive
   Rig rig;
@@ -47,17 +48,22 @@ struct Capture {
 };
 
 /// Reads and checks capture.toml and the files of motion: every key known, ranges, shapes; a camera
-/// and projector that see the fixtures; fixtures no further apart than the cloth can stretch (10 % more
-/// than their distance on the undeformed swatch); motion at least as long as the video. Throws Error.
-/// Does not open the video, and never anything of [truth] but its paths.
+/// and projector that see the fixtures; fixtures no further apart than the cloth can stretch (10 %
+/// more than their distance on the undeformed swatch); motion at least as long as the video. Throws
+/// Error. Does not open the video, and never anything of [truth] but its paths.
 Capture read_capture(const std::filesystem::path& folder);
 
-/// The frames first..last as grey linear images (see read_frames), undistorted. Throws Error if size
-/// or count differ from the capture, or if no cloth is seen in one of them.
+/// Length of a stripe period in the camera image, px: on a plane that faces the camera at the depth
+/// of the fixtures' mean position at time 0. What find_silhouette wants to know.
+double image_stripe_period(const Capture& capture);
+
+/// The frames first..last as grey linear images (see read_frames), undistorted. Throws Error if
+/// their size differs from the capture, if the video has fewer frames, or if no cloth is seen in
+/// one of them.
 std::vector<Image> read_video(const Capture& capture, int first, int last);
 
-/// The scene to simulate frames first..last on a grid of columns x rows vertices; `start` empty until
-/// the caller sets it. Throws Error if a fixture is not at a vertex of that grid.
+/// The scene to simulate frames first..last on a grid of columns x rows vertices; `start` empty
+/// until the caller sets it. Throws Error if a fixture is not at a vertex of that grid.
 Scene make_scene(const Capture& capture, int columns, int rows, int first, int last);
 
 /// The true surface, frame by frame, where the capture has [truth]; for evaluation only.
@@ -71,11 +77,11 @@ TruthSurface read_truth(const Capture& capture);
 struct SurfaceDistance {
   double mean = 0, rms = 0, max = 0;
 };
-SurfaceDistance distance_to_truth(const TriangleMesh& mesh, const Points& x, const TruthSurface& truth,
-                                  int frame);
+SurfaceDistance distance_to_truth(const TriangleMesh& mesh, const Points& x,
+                                  const TruthSurface& truth, int frame);
 
-/// Writes a capture folder (capture.toml, motion, video or images, truth if given) that read_capture
-/// reads back.
+/// Writes a capture folder (capture.toml, motion, video or images, truth if given) that
+/// read_capture reads back.
 struct CaptureFiles {
   std::vector<Image> frames;  ///< linear light; written as H.264 or as numbered PNG
   bool as_images = false;
