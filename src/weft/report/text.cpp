@@ -59,7 +59,8 @@ std::string escape_xml(std::string_view text) {
     if (length > 1) {
       // U+FFFE and U+FFFF are valid UTF-8 and no XML characters.
       const std::string_view sequence = text.substr(0, length);
-      result += (sequence == "\xEF\xBF\xBE" || sequence == "\xEF\xBF\xBF") ? kReplacement : sequence;
+      result +=
+          (sequence == "\xEF\xBF\xBE" || sequence == "\xEF\xBF\xBF") ? kReplacement : sequence;
     } else if (c == '&') {
       result += "&amp;";
     } else if (c == '<') {

@@ -6,13 +6,13 @@
 
 namespace weft {
 
-/// Text made safe inside XML and HTML elements and quoted attributes: the five special characters are
-/// escaped, control characters other than tab and line ends are left out, and bytes that are not valid
-/// UTF-8 become U+FFFD.
+/// Text made safe inside XML and HTML elements and quoted attributes: the five special characters
+/// are escaped, control characters other than tab and line ends are left out, and bytes that are
+/// not valid UTF-8 become U+FFFD.
 std::string escape_xml(std::string_view text);
 
-/// A number for people: `digits` significant digits (1 to 17), powers of ten as "1.23×10⁻⁵" below 1e-3
-/// and from 1e6 on, "∞", "−∞" and "not a number" for what is not finite.
+/// A number for people: `digits` significant digits (1 to 17), powers of ten as "1.23×10⁻⁵" below
+/// 1e-3 and from 1e6 on, "∞", "−∞" and "not a number" for what is not finite.
 std::string format_value(double value, int digits = 3);
 
 /// "10⁻³" for -3; "1" for 0.
