@@ -6,9 +6,11 @@
 namespace weft {
 namespace {
 
-// Share of the frame's typical contrast below which a change of light is taken for noise or
-// shading.
-constexpr double least_contrast_share = 0.10;
+// Share of the frame's typical contrast below which a change of light is taken for noise.
+constexpr double least_contrast_share = 0.08;
+// Share of the frame's typical modulation, (bright - dark) / (bright + dark), below which a change of
+// light is taken for shading: shading dims bright and dark alike.
+constexpr double least_modulation_share = 0.45;
 // Distance of the rim (px) within which the end of the cloth blurs into the stripes.
 constexpr int rim_margin = 2;
 // Pixels on either side of an edge that its blur reaches (ramp of the pattern and pixel footprint).
@@ -115,6 +117,18 @@ double typical_contrast(const Image& intensity, const Mask& silhouette, double p
   return *middle;
 }
 
+/// Drops edges of much less modulation than the middle of all of them.
+void drop_shading(std::vector<StripeEdge>& edges) {
+  if (edges.empty()) return;
+  std::vector<double> modulations(edges.size());
+  std::transform(edges.begin(), edges.end(), modulations.begin(),
+                 [](const StripeEdge& edge) { return edge.modulation; });
+  const auto middle = modulations.begin() + static_cast<std::ptrdiff_t>(modulations.size() / 2);
+  std::nth_element(modulations.begin(), middle, modulations.end());
+  const double least = least_modulation_share * *middle;
+  std::erase_if(edges, [least](const StripeEdge& edge) { return edge.modulation < least; });
+}
+
 }  // namespace
 
 std::vector<StripeEdge> find_stripe_edges(const Image& intensity, const Mask& silhouette,
@@ -148,9 +162,11 @@ std::vector<StripeEdge> find_stripe_edges(const Image& intensity, const Mask& si
       const double sign = height > 0 ? 1 : -1;
       const double y = crossing(profile, row, 0.5 * (level_above + level_below), sign);
       if (std::isnan(y)) continue;
-      edges.push_back({column, y, height > 0, std::abs(height)});
+      const double modulation = std::abs(height) / std::max(level_above + level_below, 1e-6);
+      edges.push_back({column, y, height > 0, std::abs(height), modulation});
     }
   }
+  drop_shading(edges);
   return edges;
 }
 

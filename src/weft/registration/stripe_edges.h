@@ -11,6 +11,7 @@ struct StripeEdge {
   double y = 0;         ///< continuous image coordinate, sub-pixel
   bool rising = false;  ///< dark above, bright below
   double contrast = 0;  ///< bright minus dark level beside the edge, linear light
+  double modulation = 0;  ///< contrast over the sum of the two levels, 0 to 1
 };
 
 /// Finds the stripe edges along every image column inside `silhouette`, sorted by column and then
