@@ -1,0 +1,134 @@
+#include "weft/report/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "weft/report/text.h"
+
+namespace weft {
+namespace {
+
+/// An error that fell by less than this part of its start is not called a fit.
+constexpr double kLittleGain = 0.1;
+/// Validation frames with more than this multiple of the fit frames' error are remarked upon.
+constexpr double kMuchWorse = 3;
+
+std::string bare(const ReportParameter& parameter) {
+  const std::string unit = format_unit(parameter.unit);
+  return unit.empty() ? "" : " " + unit;
+}
+
+std::string listed(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (i > 0) text += i + 1 == names.size() ? " and " : ", ";
+    text += names[i];
+  }
+  return text;
+}
+
+void warn_of_parameters(const Report& report, std::vector<std::string>& warnings) {
+  std::vector<std::string> undetermined;
+  for (const ReportParameter& p : report.parameters) {
+    if (p.free && !p.determined) undetermined.push_back(p.name);
+  }
+  if (!undetermined.empty()) {
+    const bool one = undetermined.size() == 1;
+    warnings.push_back(fmt::format(
+        "The data do not determine {}: the error hardly changes when {}. Do not read {} as "
+        "{}measurement{}.",
+        listed(undetermined), one ? "it does" : "they do", one ? "its value" : "their values",
+        one ? "a " : "", one ? "" : "s"));
+  }
+  for (const ReportParameter& p : report.parameters) {
+    if (!p.free || p.at_bound == ReportParameter::Bound::none) continue;
+    const bool upper = p.at_bound == ReportParameter::Bound::upper;
+    warnings.push_back(fmt::format(
+        "{} ended at the {} end of its range ({}{}): a better value may lie beyond it.", p.name,
+        upper ? "upper" : "lower", format_value(upper ? p.upper : p.lower), bare(p)));
+  }
+}
+
+void warn_of_captures(const Report& report, std::vector<std::string>& warnings) {
+  for (const ReportCapture& capture : report.captures) {
+    if (!capture.start_measured) {
+      warnings.push_back(fmt::format(
+          "{}: the first frame gave no surface, so the motion starts from a guessed shape ({}). "
+          "From a wrong start no parameters fit.",
+          capture.name, capture.start));
+    }
+    const auto fit = report_means(capture, false), validation = report_means(capture, true);
+    for (const auto& [means, kind] : {std::pair{fit, "fit"}, std::pair{validation, "validation"}}) {
+      if (means && !std::isfinite(means->error)) {
+        warnings.push_back(
+            fmt::format("{}: the simulation at the estimate does not reach all {} frames.",
+                        capture.name, kind));
+      }
+    }
+    if (fit && validation && std::isfinite(validation->error) &&
+        validation->error > kMuchWorse * fit->error) {
+      warnings.push_back(fmt::format(
+          "{}: the error per frame is {} times as large on the validation frames as on the fit "
+          "frames. What was fitted does not carry over to the later motion.",
+          capture.name, format_value(validation->error / fit->error, 2)));
+    }
+  }
+}
+
+}  // namespace
+
+std::optional<ReportMeans> report_means(const ReportCapture& capture, bool validation) {
+  ReportMeans means;
+  ReportDistance distance;
+  std::size_t with_distance = 0;
+  for (const ReportFrame& frame : capture.frames) {
+    if (frame.validation != validation) continue;
+    ++means.frames;
+    means.error += frame.error;
+    means.fold += frame.fold;
+    means.silhouette += frame.silhouette;
+    if (!frame.distance) continue;
+    ++with_distance;
+    distance.mean += frame.distance->mean;
+    distance.rms += frame.distance->rms * frame.distance->rms;
+    distance.max = std::max(distance.max, frame.distance->max);
+  }
+  if (means.frames == 0) return std::nullopt;
+  const auto n = static_cast<double>(means.frames);
+  means.error /= n;
+  means.fold /= n;
+  means.silhouette /= n;
+  if (with_distance == means.frames) {
+    means.distance = ReportDistance{distance.mean / n, std::sqrt(distance.rms / n), distance.max};
+  }
+  return means;
+}
+
+std::vector<std::string> report_warnings(const Report& report) {
+  std::vector<std::string> warnings;
+  if (report.stopped) {
+    warnings.push_back(
+        fmt::format("The search was stopped after {} evaluations; this is the best until then.",
+                    report.evaluations));
+  }
+  if (!std::isfinite(report.error)) {
+    warnings.push_back("No simulation reached the end: there is no estimate.");
+  } else if (std::isfinite(report.error_initial) &&
+             report.error > (1 - kLittleGain) * report.error_initial) {
+    warnings.push_back(
+        fmt::format("The search hardly improved on its start: the error went from {} to {}.",
+                    format_value(report.error_initial), format_value(report.error)));
+  }
+  warn_of_parameters(report, warnings);
+  if (report.diverged > 0) {
+    warnings.push_back(fmt::format("{} of {} simulations diverged and counted as infinitely wrong.",
+                                   report.diverged, report.evaluations));
+  }
+  warn_of_captures(report, warnings);
+  warnings.insert(warnings.end(), report.remarks.begin(), report.remarks.end());
+  return warnings;
+}
+
+}  // namespace weft
