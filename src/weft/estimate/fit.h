@@ -50,7 +50,7 @@ struct FitStep {
 struct FitProgress {
   FitStep step;
   std::size_t done = 0, total = 0;  ///< in this phase
-  bool replayed = false;            ///< read from the store
+  std::size_t replayed = 0;         ///< evaluations so far that were read from the store
 };
 /// Called from one thread at a time. Returning false stops the fit with the best so far, as
 /// weft::interrupted() does.
@@ -62,8 +62,9 @@ struct FitResult {
   ProblemEvaluation initial;  ///< at the middle of all ranges (scaled 0.5), all frames
   ProblemEvaluation start;    ///< where annealing started, all frames
   Fabric start_fabric;
-  ProblemEvaluation final;              ///< of the estimate, all frames
-  std::vector<TrialEvaluation> trials;  ///< of the estimate, with the errors of each frame
+  ProblemEvaluation final;  ///< of the estimate, all frames
+  /// Of the estimate, with the errors of each frame; empty if the problem has its own evaluator.
+  std::vector<TrialEvaluation> trials;
   std::vector<FitStep> history;
   std::vector<PerturbationCurve> variability;  ///< empty if not asked for, or stopped before
   std::size_t evaluations = 0;                 ///< asked for, all phases (variability included)

@@ -296,24 +296,27 @@ std::vector<VecX> coarse_grid(const VecX& base, const CoarseOptions& options) {
 SearchResult coarse_search(const ErrorFunction& error, const VecX& base,
                            const CoarseOptions& options, const SearchObserver& observer) {
   const std::vector<VecX> points = coarse_grid(base, options);
-  std::vector<double> errors(points.size(), kInfinity);
   std::mutex mutex;
   std::atomic<bool> stop = false;
   SearchResult result;
+  result.best = base;
+  result.error = kInfinity;
+  result.errors.assign(points.size(), std::numeric_limits<double>::quiet_NaN());
   double best_so_far = kInfinity;
   parallel_for(points.size(), options.threads, [&](std::size_t i) {
     if (stop) return;
     const double value = sanitized(error(points[i]));
     const std::lock_guard lock(mutex);
-    errors[i] = value;
+    result.errors[i] = value;
     best_so_far = std::min(best_so_far, value);
     ++result.evaluations;
     if (observer && !observer(result.evaluations, value, best_so_far, 0)) stop = true;
   });
-  const auto best = std::min_element(errors.begin(), errors.end());
-  result.error = *best;
-  result.best =
-      std::isfinite(*best) ? points[static_cast<std::size_t>(best - errors.begin())] : base;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!(result.errors[i] < result.error)) continue;
+    result.error = result.errors[i];
+    result.best = points[i];
+  }
   result.stopped = stop;
   return result;
 }

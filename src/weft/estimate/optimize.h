@@ -22,6 +22,8 @@ struct SearchResult {
   double error = 0;  ///< of best; infinity where every error was infinite
   std::size_t evaluations = 0;
   bool stopped = false;  ///< by the observer
+  /// Coarse search only: of every point in grid order; NaN where it was stopped before.
+  std::vector<double> errors;
 };
 
 /// Coarse search (Bhat 2003, section 6): all points of a grid of `levels` values per coordinate, at

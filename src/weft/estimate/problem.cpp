@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <limits>
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
@@ -12,8 +11,11 @@
 namespace weft {
 
 Problem::Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initial,
-                 std::vector<std::string> free)
-    : trials_(std::move(trials)), initial_(std::move(initial)), free_(std::move(free)) {
+                 std::vector<std::string> free, Evaluator evaluator)
+    : trials_(std::move(trials)),
+      initial_(std::move(initial)),
+      free_(std::move(free)),
+      evaluator_(std::move(evaluator)) {
   if (trials_.empty()) throw Error("no capture to fit");
   if (free_.empty()) throw Error("no parameter to search");
   for (const std::string& name : free_) {
@@ -54,6 +56,7 @@ Fabric Problem::fabric(const VecX& scaled) const {
 
 ProblemEvaluation evaluate(const Problem& problem, const Fabric& fabric, int frame_count,
                            int threads) {
+  if (problem.evaluator()) return problem.evaluator()(fabric, frame_count);
   const auto& trials = problem.trials();
   std::vector<TrialEvaluation> evaluations(trials.size());
   const int inner = trials.size() == 1 ? threads : 1;

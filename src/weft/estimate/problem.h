@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -86,6 +87,22 @@ struct SimulatedFrame {
 };
 SimulatedFrame look_at(const Trial& trial, const Points& x);
 
+/// The error of one fabric on all trials of a problem.
+struct ProblemEvaluation {
+  /// What a search minimizes: the mean over the trials of error_per_mask_pixel, rad^2; infinity if
+  /// a simulation diverged. Divided by the masked pixels of each trial, a capture with a larger
+  /// image or more folds weighs no more than another, and a long one no more than a short one. For
+  /// a single trial it is the paper's error times a constant, so the minimum is the paper's.
+  double error = 0;
+  /// Means over the trials of the errors per frame (equations 5, 6 and 8): the paper's numbers.
+  double error_per_frame = 0, fold = 0, silhouette = 0;
+  bool diverged = false;
+  double wall_s = 0;
+};
+/// A stand-in for simulating and comparing (another program, a test); frame_count as in evaluate().
+/// Must be pure; called from several threads at once.
+using Evaluator = std::function<ProblemEvaluation(const Fabric& fabric, int frame_count)>;
+
 /// What an optimizer sees: free parameters of a fabric in scaled coordinates [0, 1], and the sum of
 /// the trials' errors.
 class Problem {
@@ -93,7 +110,7 @@ class Problem {
   /// `free` names the parameters that are searched; the others stay at their value in `initial`.
   /// Throws Error for unknown names, a name listed twice, none, or no trial.
   Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initial,
-          std::vector<std::string> free);
+          std::vector<std::string> free, Evaluator evaluator = {});
   int dimension() const { return static_cast<int>(free_.size()); }
   const std::vector<std::string>& free() const { return free_; }
   const std::vector<std::shared_ptr<const Trial>>& trials() const { return trials_; }
@@ -108,6 +125,7 @@ class Problem {
   /// Identifies the trials and their options by content: two problems with the same fingerprint
   /// give the same error for the same fabric. 16 hexadecimal digits.
   const std::string& fingerprint() const { return fingerprint_; }
+  const Evaluator& evaluator() const { return evaluator_; }  ///< empty: simulate and compare
 
  private:
   std::vector<std::shared_ptr<const Trial>> trials_;
@@ -116,20 +134,11 @@ class Problem {
   std::vector<int> indices_;
   std::vector<ParameterInfo> infos_;
   std::string fingerprint_;
+  Evaluator evaluator_;
 };
 
-/// The error of one fabric on all trials of a problem.
-struct ProblemEvaluation {
-  /// What a search minimizes: the mean over the trials of error_per_mask_pixel, rad^2; infinity if
-  /// a simulation diverged. Divided by the masked pixels of each trial, a capture with a larger
-  /// image or more folds weighs no more than another, and a long one no more than a short one. For
-  /// a single trial it is the paper's error times a constant, so the minimum is the paper's.
-  double error = 0;
-  /// Means over the trials of the errors per frame (equations 5, 6 and 8): the paper's numbers.
-  double error_per_frame = 0, fold = 0, silhouette = 0;
-  bool diverged = false;
-  double wall_s = 0;
-};
+/// Of the problem's own evaluator, if it has one. For a trial with fewer frames than `frame_count`
+/// all its frames count. `threads` as for a trial.
 ProblemEvaluation evaluate(const Problem& problem, const Fabric& fabric, int frame_count = 0,
                            int threads = 1);
 

@@ -28,9 +28,15 @@ Capture make_layout(const LayoutOptions& options = {});
 /// How the truth is made: on another mesh and with finer time steps than a fit uses, and with
 /// noise, so that recovering the parameters is not a comparison of a program with itself.
 struct SyntheticOptions {
+  static SimulationOptions with_steps_per_frame(int steps) {
+    SimulationOptions options;
+    options.steps_per_frame = steps;
+    return options;
+  }
+
   int columns = 37, rows = 37;
   GridPattern pattern = GridPattern::uniform;
-  SimulationOptions simulation{.steps_per_frame = 16};
+  SimulationOptions simulation = with_steps_per_frame(16);
   RenderOptions render;
   SensorNoise noise;
   bool with_noise = true;

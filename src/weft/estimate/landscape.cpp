@@ -1,0 +1,81 @@
+#include "weft/estimate/landscape.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <limits>
+#include <mutex>
+
+#include "weft/base/error.h"
+#include "weft/base/parallel.h"
+
+namespace weft {
+namespace {
+
+int free_index(const Problem& problem, const std::string& parameter) {
+  const int index = problem.index_of(parameter);
+  if (index < 0) throw Error(fmt::format("landscape: {} is not a free parameter", parameter));
+  return index;
+}
+
+void check(const LandscapeOptions& options) {
+  const auto check_axis = [](const char* name, int count, double lower, double upper) {
+    if (count < 2 || count > 1000)
+      throw Error(fmt::format("landscape: {} = {} values, valid: 2 to 1000", name, count));
+    if (!(lower >= 0 && lower < upper && upper <= 1))
+      throw Error(fmt::format("landscape: {} from {} to {}, valid: 0 <= lower < upper <= 1", name,
+                              lower, upper));
+  };
+  check_axis("x", options.x_count, options.x_lower, options.x_upper);
+  check_axis("y", options.y_count, options.y_lower, options.y_upper);
+  if (options.x_parameter == options.y_parameter)
+    throw Error("landscape: x and y are the same parameter");
+}
+
+std::vector<double> axis_values(const ParameterInfo& info, int count, double lower, double upper) {
+  std::vector<double> values;
+  for (int i = 0; i < count; ++i)
+    values.push_back(std::clamp(from_scaled(info, lower + (upper - lower) * i / (count - 1)),
+                                info.lower, info.upper));
+  return values;
+}
+
+}  // namespace
+
+Landscape landscape(const Problem& problem, const Fabric& fabric, const LandscapeOptions& options,
+                    EvaluationStore* store,
+                    const std::function<bool(std::size_t, std::size_t)>& observer) {
+  check(options);
+  const ParameterInfo& x_info = problem.info(free_index(problem, options.x_parameter));
+  const ParameterInfo& y_info = problem.info(free_index(problem, options.y_parameter));
+  Landscape result;
+  result.x_parameter = options.x_parameter;
+  result.y_parameter = options.y_parameter;
+  result.x = axis_values(x_info, options.x_count, options.x_lower, options.x_upper);
+  result.y = axis_values(y_info, options.y_count, options.y_lower, options.y_upper);
+  result.error =
+      MatX::Constant(options.y_count, options.x_count, std::numeric_limits<double>::infinity());
+  const int x_index = parameter_index(fabric.model, options.x_parameter);
+  const int y_index = parameter_index(fabric.model, options.y_parameter);
+  const std::size_t columns = result.x.size(), total = columns * result.y.size();
+  std::mutex mutex;
+  std::atomic<bool> stop = false;
+  std::size_t done = 0;
+  parallel_for(total, options.threads, [&](std::size_t i) {
+    if (stop) return;
+    const std::size_t row = i / columns, column = i % columns;
+    Fabric changed = fabric;
+    changed.values[x_index] = result.x[column];
+    changed.values[y_index] = result.y[row];
+    const double error =
+        evaluate_stored(problem, changed, options.frame_count, "landscape", store).evaluation.error;
+    const std::lock_guard lock(mutex);
+    result.error(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(column)) = error;
+    if (observer && !observer(++done, total)) stop = true;
+  });
+  result.stopped = stop;
+  return result;
+}
+
+}  // namespace weft
