@@ -8,12 +8,12 @@
 
 namespace weft {
 
-/// How the history of a time integrator enters the damping. Every linear multistep integrator writes
-/// the velocity at the end of a step as v = rate * x - history; applied to each strain C instead,
-/// Cdot = rate * C - strain_history, damping is the gradient of a potential of x and its Hessian is
-/// symmetric (docs/architecture.md, "Damping").
+/// How the history of a time integrator enters the damping. Every linear multistep integrator
+/// writes the velocity at the end of a step as v = rate * x - history; applied to each strain C
+/// instead, Cdot = rate * C - strain_history, damping is the gradient of a potential of x and its
+/// Hessian is symmetric (docs/architecture.md, "Damping").
 struct DampingRate {
-  double rate = 0;            ///< 1/s; 0: no damping
+  double rate = 0;                       ///< 1/s; 0: no damping
   const VecX* strain_history = nullptr;  ///< rate * C minus the strain rate, one entry a component
 };
 
@@ -22,9 +22,10 @@ enum class HessianKind {
   positive_semidefinite  ///< projected element by element; what Newton's direction needs
 };
 
-/// A mesh and a fabric: the energy, the forces and their derivatives (Bhat 2003 section 3; Baraff and
-/// Witkin 1998 section 4). Geometry and sparsity are fixed at construction; the parameters may be
-/// set again. Components are ordered: stretch u and v and shear of each triangle, then the hinges.
+/// A mesh and a fabric: the energy, the forces and their derivatives (Bhat 2003 section 3; Baraff
+/// and Witkin 1998 section 4). Geometry and sparsity are fixed at construction; the parameters may
+/// be set again. Components are ordered: stretch u and v and shear of each triangle, then the
+/// hinges.
 ///
 /// Energy of a component: 1/2 w k C^2 with w its area (m^2), k its stiffness.
 class ClothModel {
@@ -51,13 +52,14 @@ class ClothModel {
   /// Values C of all components (strain, strain, shear, angle in rad): what DampingRate needs.
   void strains(const Points& x, VecX& c) const;
 
-  /// Potential of elasticity, gravity and damping (with `damping`): the part of an implicit step that
-  /// has a potential.
+  /// Potential of elasticity, gravity and damping (with `damping`): the part of an implicit step
+  /// that has a potential.
   double potential(const Points& x, const DampingRate& damping) const;
   /// gradient = d potential / d x, 3 x vertices. Overwrites.
   void potential_gradient(const Points& x, const DampingRate& damping, Points& gradient) const;
-  /// The same gradient and, in the same pass, the Hessian of the potential into `hessian`: its lower
-  /// triangle (with the diagonal), in the pattern of hessian_pattern(), added to what is there.
+  /// The same gradient and, in the same pass, the Hessian of the potential into `hessian`: its
+  /// lower triangle (with the diagonal), in the pattern of hessian_pattern(), added to what is
+  /// there.
   void potential_hessian(const Points& x, const DampingRate& damping, HessianKind kind,
                          Points& gradient, SparseMatrix& hessian) const;
   /// Lower triangle with explicit zeros, 3 n x 3 n, compressed. Start of every Hessian.
@@ -69,10 +71,11 @@ class ClothModel {
   /// split along and across the current normal; a is the undeformed area. Added to `force`.
   void add_drag(const Points& x, const Points& v, Points& force) const;
   /// - d drag / d v (symmetric, positive semi-definite), times `factor`, added to `hessian`.
-  void add_drag_damping(const Points& x, const Points& v, double factor, SparseMatrix& hessian) const;
+  void add_drag_damping(const Points& x, const Points& v, double factor,
+                        SparseMatrix& hessian) const;
 
-  /// All forces at a state: elasticity, damping (with Cdot = grad C . v), gravity, drag. For explicit
-  /// integration and for tests. Overwrites.
+  /// All forces at a state: elasticity, damping (with Cdot = grad C . v), gravity, drag. For
+  /// explicit integration and for tests. Overwrites.
   void forces(const Points& x, const Points& v, Points& force) const;
 
   /// Power taken by damping and by drag, W (both >= 0): for the energy balance.

@@ -1,0 +1,494 @@
+#include "weft/model/cloth_model.h"
+
+#include <fmt/format.h>
+
+#include <cassert>
+#include <cmath>
+#include <cstring>
+
+#include "weft/base/error.h"
+#include "weft/model/drag.h"
+#include "weft/model/elements.h"
+#include "weft/model/hinge_weights.h"
+#include "weft/model/membrane.h"
+
+namespace weft {
+namespace {
+
+using detail::DampedStiffness;
+using detail::DragLaw;
+using detail::HingeGroup;
+using detail::TriangleGroup;
+using LaneIndices = std::array<int, kLanes>;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+Vector3<Lanes> gather(const double* points, const LaneIndices& vertices) {
+  Vector3<Lanes> out;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const double* p = points + 3 * vertices[at(lane)];
+    out.x[lane] = p[0];
+    out.y[lane] = p[1];
+    out.z[lane] = p[2];
+  }
+  return out;
+}
+
+void scatter_add(const Vector3<Lanes>& a, const LaneIndices& vertices, double* points) {
+  alignas(64) double buffer[3][kLanes];
+  std::memcpy(buffer, &a, sizeof buffer);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    double* p = points + 3 * vertices[at(lane)];
+    p[0] += buffer[0][lane];
+    p[1] += buffer[1][lane];
+    p[2] += buffer[2][lane];
+  }
+}
+
+/// Entries first, first + stride, ... of a vector into the lanes that are in use; zero elsewhere,
+/// and everywhere if there is no vector.
+Lanes load(const VecX* values, int first, int stride, int count) {
+  Lanes out{};
+  if (values)
+    for (int lane = 0; lane < count; ++lane) out[lane] = (*values)[first + lane * stride];
+  return out;
+}
+
+void store(const Lanes& lanes, int first, int stride, int count, VecX& values) {
+  for (int lane = 0; lane < count; ++lane) values[first + lane * stride] = lanes[lane];
+}
+
+/// Adds 3 x 3 blocks of kLanes elements to the values of the Hessian.
+class BlockWriter {
+ public:
+  BlockWriter(SparseMatrix& hessian, const std::vector<detail::ColumnLayout>& columns)
+      : values_(hessian.valuePtr()), columns_(columns.data()) {}
+
+  /// A diagonal block.
+  void add(const SymmetricMatrix3<Lanes>& block, const LaneIndices& vertices) {
+    alignas(64) double m[6][kLanes];
+    std::memcpy(m, &block, sizeof m);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const detail::ColumnLayout column = columns_[vertices[lane]];
+      double* c0 = values_ + column.start;
+      double* c1 = c0 + column.length;
+      c0[0] += m[0][lane];
+      c0[1] += m[1][lane];
+      c0[2] += m[3][lane];
+      c1[0] += m[2][lane];
+      c1[1] += m[4][lane];
+      c1[column.length - 1] += m[5][lane];
+    }
+  }
+
+  /// An off-diagonal block with rows of `row_vertices` and columns of `column_vertices`, or
+  /// transposed where its slot says so.
+  void add(const Matrix3<Lanes>& block, const LaneIndices& slots, const LaneIndices& row_vertices,
+           const LaneIndices& column_vertices) {
+    alignas(64) double m[9][kLanes];
+    std::memcpy(m, &block, sizeof m);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const bool transposed = slots[lane] < 0;
+      const int slot = transposed ? ~slots[lane] : slots[lane];
+      const int length = columns_[transposed ? row_vertices[lane] : column_vertices[lane]].length;
+      const std::size_t row = transposed ? 1 : 3, column = transposed ? 3 : 1;
+      double* c0 = values_ + slot;
+      double* c1 = c0 + length - 1;
+      double* c2 = c1 + length - 2;
+      for (std::size_t r = 0; r < 3; ++r) {
+        c0[r] += m[r * row][lane];
+        c1[r] += m[r * row + column][lane];
+        c2[r] += m[r * row + 2 * column][lane];
+      }
+    }
+  }
+
+ private:
+  double* values_;
+  const detail::ColumnLayout* columns_;
+};
+
+/// The coefficients of a baraff-witkin fabric.
+struct Coefficients {
+  DampedStiffness stretch, shear, bend;
+  DragLaw drag;
+
+  static Coefficients from(const VecX& p) {
+    return {{p[0], p[3], 0}, {p[1], p[4], 0}, {p[2], p[5], 0}, {p[6], p[7], p[8]}};
+  }
+  Coefficients with_rate(double rate) const {
+    Coefficients out = *this;
+    out.stretch.rate = out.shear.rate = out.bend.rate = rate;
+    return out;
+  }
+};
+
+struct TrianglePositions {
+  Vector3<Lanes> x0, x1, x2;
+};
+TrianglePositions positions(const TriangleGroup& group, const Points& x) {
+  return {gather(x.data(), group.vertices[0]), gather(x.data(), group.vertices[1]),
+          gather(x.data(), group.vertices[2])};
+}
+
+detail::MembraneStrains<Lanes> strains_of(const TriangleGroup& group, const Points& x) {
+  const TrianglePositions p = positions(group, x);
+  return detail::membrane_strains(group.shape, p.x0, p.x1, p.x2);
+}
+
+DihedralAngle<Lanes> angle_of(const HingeGroup& group, const Points& x) {
+  return dihedral_angle(gather(x.data(), group.vertices[0]), gather(x.data(), group.vertices[1]),
+                        gather(x.data(), group.vertices[2]), gather(x.data(), group.vertices[3]));
+}
+
+void add_gradient(const TriangleGroup& group, const detail::MembraneGradient<Lanes>& g,
+                  Points& gradient) {
+  const auto& s = group.shape;
+  const Vector3<Lanes> g1 = (s.area * s.du1) * g.u + (s.area * s.dv1) * g.v;
+  const Vector3<Lanes> g2 = (s.area * s.du2) * g.u + (s.area * s.dv2) * g.v;
+  scatter_add(-(g1 + g2), group.vertices[0], gradient.data());
+  scatter_add(g1, group.vertices[1], gradient.data());
+  scatter_add(g2, group.vertices[2], gradient.data());
+}
+
+void add_gradient(const HingeGroup& group, const DihedralAngle<Lanes>& angle, const Lanes& moment,
+                  Points& gradient) {
+  const auto g = angle.gradient();
+  for (std::size_t i = 0; i < 4; ++i)
+    scatter_add(moment * g[i], group.vertices[i], gradient.data());
+}
+
+/// Rates of the three strains under the velocities `v`.
+detail::MembraneTension<Lanes> strain_rates(const TriangleGroup& group,
+                                            const detail::MembraneStrains<Lanes>& c,
+                                            const Points& v) {
+  const TrianglePositions p = positions(group, v);
+  const auto rate = deformation_gradient(group.shape, p.x0, p.x1, p.x2);
+  return {dot(c.u.direction, rate.wu), dot(c.v.direction, rate.wv),
+          dot(c.w.wv, rate.wu) + dot(c.w.wu, rate.wv)};
+}
+
+Lanes angle_rate(const HingeGroup& group, const DihedralAngle<Lanes>& angle, const Points& v) {
+  const auto g = angle.gradient();
+  Lanes rate{};
+  for (std::size_t i = 0; i < 4; ++i) rate += dot(g[i], gather(v.data(), group.vertices[i]));
+  return rate;
+}
+
+}  // namespace
+
+struct ClothModel::Impl {
+  TriangleMesh mesh;
+  double areal_density;
+  Vec3 gravity;
+  Coefficients coefficients;
+  detail::Elements elements;
+  VecX masses;
+  int hinge_count = 0;
+
+  int first_hinge() const { return 3 * mesh.triangle_count(); }
+
+  /// Strain history of the three strains of a group of triangles, and of a group of hinges.
+  detail::MembraneTension<Lanes> history(const DampingRate& damping, std::size_t group) const {
+    const int first = static_cast<int>(group) * kLanes * 3, count = elements.triangles[group].count;
+    return {load(damping.strain_history, first, 3, count),
+            load(damping.strain_history, first + 1, 3, count),
+            load(damping.strain_history, first + 2, 3, count)};
+  }
+  Lanes hinge_history(const DampingRate& damping, std::size_t group) const {
+    return load(damping.strain_history, first_hinge() + static_cast<int>(group) * kLanes, 1,
+                elements.hinges[group].count);
+  }
+
+  double energy(const Coefficients& k, const Points& x, const DampingRate& damping) const;
+  void add_triangle_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
+                             Points& gradient) const;
+  void add_hinge_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
+                          Points& gradient) const;
+  void add_triangles(const Coefficients& k, const Points& x, const DampingRate& damping,
+                     HessianKind kind, Points& gradient, SparseMatrix& hessian) const;
+  void add_hinges(const Coefficients& k, const Points& x, const DampingRate& damping,
+                  HessianKind kind, Points& gradient, SparseMatrix& hessian) const;
+  void set_gravity_gradient(Points& gradient) const;
+  void add_internal_forces(const Coefficients& k, const Points& x, const Points& v,
+                           Points& force) const;
+  void add_drag(const DragLaw& law, const Points& x, const Points& v, Points& force) const;
+};
+
+double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
+                                const DampingRate& damping) const {
+  Lanes sum{};
+  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+    const TriangleGroup& group = elements.triangles[i];
+    const auto c = strains_of(group, x);
+    const auto h = history(damping, i);
+    sum += group.shape.area * (k.stretch.energy(c.u.value, h.u) + k.stretch.energy(c.v.value, h.v) +
+                               k.shear.energy(c.shear, h.s));
+  }
+  for (std::size_t i = 0; i < elements.hinges.size(); ++i) {
+    const HingeGroup& group = elements.hinges[i];
+    const Lanes angle = angle_of(group, x).value;
+    sum += group.weight * k.bend.energy(angle, hinge_history(damping, i));
+  }
+  return sum_lanes(sum);
+}
+
+void ClothModel::Impl::add_triangle_gradient(const Coefficients& k, const Points& x,
+                                             const DampingRate& damping, Points& gradient) const {
+  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+    const TriangleGroup& group = elements.triangles[i];
+    const auto c = strains_of(group, x);
+    const auto h = history(damping, i);
+    add_gradient(
+        group,
+        membrane_gradient(c, {k.stretch.tension(c.u.value, h.u), k.stretch.tension(c.v.value, h.v),
+                              k.shear.tension(c.shear, h.s)}),
+        gradient);
+  }
+}
+
+void ClothModel::Impl::add_hinge_gradient(const Coefficients& k, const Points& x,
+                                          const DampingRate& damping, Points& gradient) const {
+  for (std::size_t i = 0; i < elements.hinges.size(); ++i) {
+    const HingeGroup& group = elements.hinges[i];
+    const auto angle = angle_of(group, x);
+    const Lanes moment = group.weight * k.bend.tension(angle.value, hinge_history(damping, i));
+    add_gradient(group, angle, moment, gradient);
+  }
+}
+
+void ClothModel::Impl::add_triangles(const Coefficients& k, const Points& x,
+                                     const DampingRate& damping, HessianKind kind, Points& gradient,
+                                     SparseMatrix& hessian) const {
+  BlockWriter writer(hessian, elements.columns);
+  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+    const TriangleGroup& group = elements.triangles[i];
+    const auto c = strains_of(group, x);
+    const auto h = history(damping, i);
+    const detail::MembraneTension<Lanes> tension = {k.stretch.tension(c.u.value, h.u),
+                                                    k.stretch.tension(c.v.value, h.v),
+                                                    k.shear.tension(c.shear, h.s)};
+    add_gradient(group, membrane_gradient(c, tension), gradient);
+    const auto block = detail::by_vertices(
+        group.shape,
+        kind == HessianKind::exact
+            ? detail::exact_hessian(c, tension, k.stretch.total(), k.shear.total())
+            : detail::projected_hessian(c, tension, k.stretch.total(), k.shear.total()));
+    writer.add(block.b00, group.vertices[0]);
+    writer.add(block.b11, group.vertices[1]);
+    writer.add(block.b22, group.vertices[2]);
+    writer.add(block.b10, group.slots[0], group.vertices[1], group.vertices[0]);
+    writer.add(block.b20, group.slots[1], group.vertices[2], group.vertices[0]);
+    writer.add(block.b21, group.slots[2], group.vertices[2], group.vertices[1]);
+  }
+}
+
+void ClothModel::Impl::add_hinges(const Coefficients& k, const Points& x,
+                                  const DampingRate& damping, HessianKind kind, Points& gradient,
+                                  SparseMatrix& hessian) const {
+  BlockWriter writer(hessian, elements.columns);
+  for (std::size_t i = 0; i < elements.hinges.size(); ++i) {
+    const HingeGroup& group = elements.hinges[i];
+    const auto angle = angle_of(group, x);
+    const Lanes moment = group.weight * k.bend.tension(angle.value, hinge_history(damping, i));
+    add_gradient(group, angle, moment, gradient);
+    const HingeHessian<Lanes> h = hinge_hessian(
+        angle, kind == HessianKind::exact ? moment : Lanes{}, Lanes(group.weight * k.bend.total()));
+    const auto& v = group.vertices;
+    writer.add(h.b00, v[0]);
+    writer.add(h.b11, v[1]);
+    writer.add(h.b22, v[2]);
+    writer.add(h.b33, v[3]);
+    writer.add(h.b10, group.slots[0], v[1], v[0]);
+    writer.add(h.b20, group.slots[1], v[2], v[0]);
+    writer.add(h.b21, group.slots[2], v[2], v[1]);
+    writer.add(h.b30, group.slots[3], v[3], v[0]);
+    writer.add(h.b31, group.slots[4], v[3], v[1]);
+    writer.add(h.b32, group.slots[5], v[3], v[2]);
+  }
+}
+
+void ClothModel::Impl::set_gravity_gradient(Points& gradient) const {
+  gradient.noalias() = -gravity * masses.transpose();
+}
+
+void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& x, const Points& v,
+                                           Points& force) const {
+  for (const TriangleGroup& group : elements.triangles) {
+    const auto c = strains_of(group, x);
+    const auto rate = strain_rates(group, c, v);
+    add_gradient(group,
+                 membrane_gradient(c, {-(k.stretch.k * c.u.value + k.stretch.kd * rate.u),
+                                       -(k.stretch.k * c.v.value + k.stretch.kd * rate.v),
+                                       -(k.shear.k * c.shear + k.shear.kd * rate.s)}),
+                 force);
+  }
+  for (const HingeGroup& group : elements.hinges) {
+    const auto angle = angle_of(group, x);
+    const Lanes rate = angle_rate(group, angle, v);
+    add_gradient(group, angle, -group.weight * (k.bend.k * angle.value + k.bend.kd * rate), force);
+  }
+}
+
+void ClothModel::Impl::add_drag(const DragLaw& law, const Points& x, const Points& v,
+                                Points& force) const {
+  for (const TriangleGroup& group : elements.triangles) {
+    const TrianglePositions p = positions(group, x), q = positions(group, v);
+    const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
+    const Vector3<Lanes> mean = broadcast<Lanes>(1.0 / 3) * (q.x0 + q.x1 + q.x2);
+    const Lanes s = dot(mean, n);
+    const Vector3<Lanes> resistance =
+        law.pressure(s) * n + broadcast<Lanes>(law.tangential) * (mean - s * n);
+    const Vector3<Lanes> share = (group.shape.area * (-1.0 / 3)) * resistance;
+    for (const LaneIndices& vertices : group.vertices) scatter_add(share, vertices, force.data());
+  }
+}
+
+ClothModel::ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double areal_density,
+                       const Vec3& gravity)
+    : impl_(std::make_unique<Impl>()) {
+  validate(mesh, "mesh");
+  if (!(areal_density > 0 && areal_density <= 100))
+    throw Error(fmt::format("areal density {} kg/m^2 is outside (0, 100]", areal_density));
+  impl_->mesh = mesh;
+  impl_->areal_density = areal_density;
+  impl_->gravity = gravity;
+  const std::vector<Hinge> all_hinges = hinges(mesh);
+  impl_->hinge_count = static_cast<int>(all_hinges.size());
+  impl_->elements = detail::make_elements(mesh, all_hinges, hinge_weights(mesh, all_hinges));
+  impl_->masses = areal_density * vertex_areas(mesh);
+  set_fabric(fabric);
+}
+
+ClothModel::~ClothModel() = default;
+ClothModel::ClothModel(ClothModel&&) noexcept = default;
+ClothModel& ClothModel::operator=(ClothModel&&) noexcept = default;
+
+void ClothModel::set_fabric(const Fabric& fabric) {
+  const auto infos = baraff_witkin_parameters();
+  if (fabric.model != "baraff-witkin")
+    throw Error(fmt::format("fabric \"{}\" is of model \"{}\"; \"baraff-witkin\" is needed",
+                            fabric.name, fabric.model));
+  if (fabric.values.size() != static_cast<Eigen::Index>(infos.size()))
+    throw Error(fmt::format("fabric \"{}\" has {} values, its model {}", fabric.name,
+                            fabric.values.size(), infos.size()));
+  for (Eigen::Index i = 0; i < fabric.values.size(); ++i)
+    if (!(fabric.values[i] >= 0 && std::isfinite(fabric.values[i])))
+      throw Error(fmt::format("fabric \"{}\": {} = {} is not a finite number >= 0", fabric.name,
+                              infos[static_cast<std::size_t>(i)].name, fabric.values[i]));
+  impl_->coefficients = Coefficients::from(fabric.values);
+}
+
+const TriangleMesh& ClothModel::mesh() const { return impl_->mesh; }
+int ClothModel::vertex_count() const { return impl_->mesh.vertex_count(); }
+int ClothModel::component_count() const { return impl_->first_hinge() + impl_->hinge_count; }
+const VecX& ClothModel::masses() const { return impl_->masses; }
+const Vec3& ClothModel::gravity() const { return impl_->gravity; }
+const SparseMatrix& ClothModel::hessian_pattern() const { return impl_->elements.pattern; }
+std::span<const int> ClothModel::diagonal_slots() const { return impl_->elements.diagonal_slots; }
+
+double ClothModel::elastic_energy(const Points& x) const {
+  return impl_->energy(impl_->coefficients, x, {});
+}
+
+double ClothModel::gravity_energy(const Points& x) const {
+  return -impl_->gravity.dot(x * impl_->masses);
+}
+
+void ClothModel::strains(const Points& x, VecX& c) const {
+  c.resize(component_count());
+  const auto& elements = impl_->elements;
+  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+    const auto s = strains_of(elements.triangles[i], x);
+    const int first = static_cast<int>(i) * kLanes * 3, count = elements.triangles[i].count;
+    store(s.u.value, first, 3, count, c);
+    store(s.v.value, first + 1, 3, count, c);
+    store(s.shear, first + 2, 3, count, c);
+  }
+  for (std::size_t i = 0; i < elements.hinges.size(); ++i)
+    store(angle_of(elements.hinges[i], x).value,
+          impl_->first_hinge() + static_cast<int>(i) * kLanes, 1, elements.hinges[i].count, c);
+}
+
+double ClothModel::potential(const Points& x, const DampingRate& damping) const {
+  return impl_->energy(impl_->coefficients.with_rate(damping.rate), x, damping) + gravity_energy(x);
+}
+
+void ClothModel::potential_gradient(const Points& x, const DampingRate& damping,
+                                    Points& gradient) const {
+  const Coefficients k = impl_->coefficients.with_rate(damping.rate);
+  impl_->set_gravity_gradient(gradient);
+  impl_->add_triangle_gradient(k, x, damping, gradient);
+  impl_->add_hinge_gradient(k, x, damping, gradient);
+}
+
+void ClothModel::potential_hessian(const Points& x, const DampingRate& damping, HessianKind kind,
+                                   Points& gradient, SparseMatrix& hessian) const {
+  assert(hessian.nonZeros() == impl_->elements.pattern.nonZeros());
+  const Coefficients k = impl_->coefficients.with_rate(damping.rate);
+  impl_->set_gravity_gradient(gradient);
+  impl_->add_triangles(k, x, damping, kind, gradient, hessian);
+  impl_->add_hinges(k, x, damping, kind, gradient, hessian);
+}
+
+void ClothModel::add_drag(const Points& x, const Points& v, Points& force) const {
+  impl_->add_drag(impl_->coefficients.drag, x, v, force);
+}
+
+void ClothModel::add_drag_damping(const Points& x, const Points& v, double factor,
+                                  SparseMatrix& hessian) const {
+  assert(hessian.nonZeros() == impl_->elements.pattern.nonZeros());
+  const DragLaw& law = impl_->coefficients.drag;
+  BlockWriter writer(hessian, impl_->elements.columns);
+  for (const TriangleGroup& group : impl_->elements.triangles) {
+    const TrianglePositions p = positions(group, x), q = positions(group, v);
+    const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
+    const Lanes s = broadcast<Lanes>(1.0 / 3) * dot(q.x0 + q.x1 + q.x2, n);
+    const Lanes scale = (factor / 9) * group.shape.area;
+    SymmetricMatrix3<Lanes> block = (scale * (law.pressure_rate(s) - law.tangential)) * outer(n);
+    detail::add_to_diagonal(Lanes(scale * law.tangential), block);
+    const Matrix3<Lanes> full = block.full();
+    for (const LaneIndices& vertices : group.vertices) writer.add(block, vertices);
+    for (std::size_t k = 0; k < group.slots.size(); ++k)
+      writer.add(full, group.slots[k], group.vertices[at(detail::kPairs[k][0])],
+                 group.vertices[at(detail::kPairs[k][1])]);
+  }
+}
+
+void ClothModel::forces(const Points& x, const Points& v, Points& force) const {
+  force.noalias() = impl_->gravity * impl_->masses.transpose();
+  impl_->add_internal_forces(impl_->coefficients, x, v, force);
+  add_drag(x, v, force);
+}
+
+double ClothModel::damping_power(const Points& x, const Points& v) const {
+  const Coefficients& k = impl_->coefficients;
+  Lanes power{};
+  for (const TriangleGroup& group : impl_->elements.triangles) {
+    const auto rate = strain_rates(group, strains_of(group, x), v);
+    power += group.shape.area *
+             (k.stretch.kd * (rate.u * rate.u + rate.v * rate.v) + k.shear.kd * rate.s * rate.s);
+  }
+  for (const HingeGroup& group : impl_->elements.hinges) {
+    const Lanes rate = angle_rate(group, angle_of(group, x), v);
+    power += group.weight * k.bend.kd * rate * rate;
+  }
+  return sum_lanes(power);
+}
+
+double ClothModel::drag_power(const Points& x, const Points& v) const {
+  const DragLaw& law = impl_->coefficients.drag;
+  Lanes power{};
+  for (const TriangleGroup& group : impl_->elements.triangles) {
+    const TrianglePositions p = positions(group, x), q = positions(group, v);
+    const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
+    const Vector3<Lanes> mean = broadcast<Lanes>(1.0 / 3) * (q.x0 + q.x1 + q.x2);
+    const Lanes s = dot(mean, n);
+    const Vector3<Lanes> tangential = mean - s * n;
+    power +=
+        group.shape.area * (law.pressure(s) * s + law.tangential * dot(tangential, tangential));
+  }
+  return sum_lanes(power);
+}
+
+}  // namespace weft
