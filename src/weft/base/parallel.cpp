@@ -6,6 +6,7 @@
 #include <oneapi/tbb/partitioner.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
@@ -47,7 +48,8 @@ class FirstFailure {
 int hardware_threads() { return oneapi::tbb::info::default_concurrency(); }
 
 void parallel_for(std::size_t count, int threads, const std::function<void(std::size_t)>& task) {
-  if (threads <= 0) threads = hardware_threads();
+  // More threads than cores gain nothing, and TBB warns of them on stderr.
+  threads = threads <= 0 ? hardware_threads() : std::min(threads, hardware_threads());
   if (threads == 1 || count < 2) {
     for (std::size_t i = 0; i < count; ++i) task(i);
     return;
