@@ -16,14 +16,16 @@ namespace weft {
 /// One parameter of the fabric. Values in `unit`.
 struct ReportParameter {
   enum class Bound { none, lower, upper };
+  /// In which it is searched and shown: value, log(value), log(1 + value / 0.1).
+  enum class Scale { linear, logarithmic, shifted_logarithmic };
   std::string name;     ///< "bend_stiffness"
   std::string unit;     ///< "N m"
   std::string meaning;  ///< one sentence
   double value = 0;
   double lower = 0, upper = 0;  ///< range of the search
   double initial = 0;           ///< where the search started
-  bool logarithmic = true;      ///< searched, and shown, on a logarithmic scale
-  bool free = true;             ///< false: held at its value
+  Scale scale = Scale::logarithmic;
+  bool free = true;  ///< false: held at its value
   /// Change of the parameter, %, that raises the error by 1 % (Bhat 2003, section 5); infinity
   /// where the data do not determine it; nothing where it was not computed.
   std::optional<double> variability_percent;

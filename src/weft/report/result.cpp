@@ -17,6 +17,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr int kVersion = 1;
+/// In the order of ReportParameter::Scale.
+constexpr std::string_view kScaleNames[] = {"linear", "logarithmic", "shifted-logarithmic"};
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // ---- Writing
@@ -88,7 +90,7 @@ Json json_of(const ReportParameter& p) {
                        : p.at_bound == ReportParameter::Bound::lower ? Json("lower")
                                                                      : Json("upper");
   object["free"] = p.free;
-  object["scale"] = p.logarithmic ? "logarithmic" : "linear";
+  object["scale"] = kScaleNames[static_cast<std::size_t>(p.scale)];
   object["meaning"] = p.meaning;
   return object;
 }
@@ -358,7 +360,11 @@ ReportParameter parameter_from(const std::string& name, const Reader& in) {
                                                      : ReportParameter::Bound::upper;
   }
   in.get("free", p.free);
-  p.logarithmic = in.is("scale", "logarithmic", "linear");
+  std::string scale;
+  in.get("scale", scale);
+  const auto* const found = std::ranges::find(kScaleNames, scale);
+  if (found == std::end(kScaleNames)) in.fail("scale", fmt::format("\"{}\" is not known", scale));
+  p.scale = static_cast<ReportParameter::Scale>(found - std::begin(kScaleNames));
   in.get("meaning", p.meaning);
   return p;
 }
