@@ -8,8 +8,8 @@ namespace {
 
 // Share of the frame's typical contrast below which a change of light is taken for noise.
 constexpr double least_contrast_share = 0.08;
-// Share of the frame's typical modulation, (bright - dark) / (bright + dark), below which a change of
-// light is taken for shading: shading dims bright and dark alike.
+// Share of the frame's typical modulation, (bright - dark) / (bright + dark), below which a change
+// of light is taken for shading: shading dims bright and dark alike.
 constexpr double least_modulation_share = 0.45;
 // Distance of the rim (px) within which the end of the cloth blurs into the stripes.
 constexpr int rim_margin = 2;

@@ -7,10 +7,10 @@ namespace weft {
 
 /// A place on an image column where the light changes between a dark and a bright stripe.
 struct StripeEdge {
-  int column = 0;       ///< pixel column; x = column + 0.5
-  double y = 0;         ///< continuous image coordinate, sub-pixel
-  bool rising = false;  ///< dark above, bright below
-  double contrast = 0;  ///< bright minus dark level beside the edge, linear light
+  int column = 0;         ///< pixel column; x = column + 0.5
+  double y = 0;           ///< continuous image coordinate, sub-pixel
+  bool rising = false;    ///< dark above, bright below
+  double contrast = 0;    ///< bright minus dark level beside the edge, linear light
   double modulation = 0;  ///< contrast over the sum of the two levels, 0 to 1
 };
 

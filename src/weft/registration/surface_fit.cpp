@@ -1,0 +1,492 @@
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "weft/base/error.h"
+#include "weft/dynamics/simulate.h"
+#include "weft/dynamics/sparse_cholesky.h"
+#include "weft/dynamics/state.h"
+#include "weft/optics/raster.h"
+#include "weft/registration/start_shapes.h"
+#include "weft/registration/stripe_surface.h"
+
+namespace weft {
+namespace {
+
+// Fewest decoded points that fix a surface.
+constexpr int least_points = 200;
+
+/// One step of the annealing. Lengths in m.
+struct Stage {
+  double scale;        ///< distance at which a point loses half its pull
+  double bend_length;  ///< (bend stiffness / weight per area)^(1/3)
+  double give;         ///< normal displacement of a point whose pull equals the weight of its area
+  int rounds;          ///< associations
+  int steps;           ///< Newton steps per association
+};
+
+constexpr std::array<Stage, 5> schedule = {{
+    {0.100, 0.060, 2e-3, 6, 2},
+    {0.040, 0.035, 5e-4, 6, 2},
+    {0.020, 0.020, 2e-4, 6, 2},
+    {0.010, 0.012, 1e-4, 6, 2},
+    {0.005, 0.010, 1e-4, 6, 2},
+}};
+
+/// Pulls the point of a triangle towards a plane: 1/2 weight (normal . (sum b_i x_i) - offset)^2.
+struct PlaneTerm {
+  int triangle = 0;
+  Vec3 barycentric;
+  Vec3 normal;        ///< unit
+  double offset = 0;  ///< m
+  double weight = 0;  ///< N/m
+};
+
+/// The nearest triangle that each pixel sees.
+class VisibleTriangles {
+ public:
+  VisibleTriangles(const Rig& rig, const TriangleMesh& mesh)
+      : rig_(&rig),
+        mesh_(&mesh),
+        inverse_depth_(rig.height, rig.width),
+        id_(rig.height, rig.width) {}
+
+  void update(const Points& x) {
+    inverse_depth_.setZero();
+    id_.setConstant(-1);
+    image_.resize(3, x.cols());
+    for (Eigen::Index v = 0; v < x.cols(); ++v) image_.col(v) = rig_->camera.project(x.col(v));
+    for (int t = 0; t < mesh_->triangle_count(); ++t) draw(t);
+  }
+
+  int at(const Vec2& pixel) const {
+    const int column = static_cast<int>(std::floor(pixel.x()));
+    const int row = static_cast<int>(std::floor(pixel.y()));
+    if (row < 0 || row >= id_.rows() || column < 0 || column >= id_.cols()) return -1;
+    return id_(row, column);
+  }
+
+  /// Projections of the vertices: x, y in px and depth in m.
+  const Points& image() const { return image_; }
+
+ private:
+  void draw(int t) {
+    const auto& [i, j, k] = mesh_->triangles[static_cast<std::size_t>(t)];
+    if (image_(2, i) <= 0 || image_(2, j) <= 0 || image_(2, k) <= 0) return;
+    const auto point = [&](int v) {
+      return ImagePoint{static_cast<float>(image_(0, v)), static_cast<float>(image_(1, v))};
+    };
+    const auto inverse = [&](int v) { return static_cast<float>(1 / image_(2, v)); };
+    BarycentricGradient barycentric;
+    if (!barycentric.set(point(i), point(j), point(k))) return;
+    const ImagePoint gradient = barycentric.of(inverse(i), inverse(j), inverse(k));
+    for_each_span(point(i), point(j), point(k), rig_->width, rig_->height,
+                  [&](int row, int begin, int end) {
+                    for (int column = begin; column < end; ++column) {
+                      const float dx = static_cast<float>(column) + 0.5f - point(i).x;
+                      const float dy = static_cast<float>(row) + 0.5f - point(i).y;
+                      const float value = inverse(i) + gradient.x * dx + gradient.y * dy;
+                      if (value <= inverse_depth_(row, column)) continue;
+                      inverse_depth_(row, column) = value;
+                      id_(row, column) = t;
+                    }
+                  });
+  }
+
+  const Rig* rig_;
+  const TriangleMesh* mesh_;
+  Image inverse_depth_;
+  Eigen::Array<int, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> id_;
+  Points image_;
+};
+
+/// A pixel on the rim of the silhouette and the image direction out of it.
+struct ContourPoint {
+  Vec2 pixel;
+  Vec2 outward;  ///< unit
+};
+
+/// Every boundary pixel of the silhouette; normals from a window's centre of mass.
+std::vector<ContourPoint> silhouette_contour(const Mask& silhouette) {
+  constexpr int window = 5;
+  std::vector<ContourPoint> contour;
+  const int rows = static_cast<int>(silhouette.rows()),
+            columns = static_cast<int>(silhouette.cols());
+  for (int y = window; y + window < rows; ++y) {
+    for (int x = window; x + window < columns; ++x) {
+      if (!silhouette(y, x) || (silhouette(y - 1, x) && silhouette(y + 1, x) &&
+                                silhouette(y, x - 1) && silhouette(y, x + 1))) {
+        continue;
+      }
+      Vec2 inward = Vec2::Zero();
+      for (int dy = -window; dy <= window; ++dy) {
+        for (int dx = -window; dx <= window; ++dx) {
+          if (silhouette(y + dy, x + dx)) inward += Vec2(dx, dy);
+        }
+      }
+      if (inward.norm() < 1) continue;
+      const Vec2 outward = -inward.normalized();
+      // The rim runs half a pixel outside the centre of the last pixel of cloth.
+      contour.push_back({Vec2(x + 0.5, y + 0.5) + 0.5 * outward, outward});
+    }
+  }
+  return contour;
+}
+
+/// An edge of the mesh with one triangle.
+struct RimEdge {
+  int triangle;
+  std::array<int, 2> corners;  ///< of the triangle, 0 to 2
+};
+
+std::vector<RimEdge> rim_edges(const TriangleMesh& mesh) {
+  struct Side {
+    int low, high, triangle, corner;
+  };
+  std::vector<Side> sides;
+  for (int t = 0; t < mesh.triangle_count(); ++t) {
+    const auto& triangle = mesh.triangles[static_cast<std::size_t>(t)];
+    for (int k = 0; k < 3; ++k) {
+      const int a = triangle[static_cast<std::size_t>(k)];
+      const int b = triangle[static_cast<std::size_t>((k + 1) % 3)];
+      sides.push_back({std::min(a, b), std::max(a, b), t, k});
+    }
+  }
+  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
+    return std::tie(a.low, a.high, a.triangle) < std::tie(b.low, b.high, b.triangle);
+  });
+  std::vector<RimEdge> rim;
+  for (std::size_t k = 0; k < sides.size(); ++k) {
+    const auto same = [&](std::size_t other) {
+      return other < sides.size() && sides[other].low == sides[k].low &&
+             sides[other].high == sides[k].high;
+    };
+    if ((k > 0 && same(k - 1)) || same(k + 1)) continue;
+    rim.push_back({sides[k].triangle, {sides[k].corner, (sides[k].corner + 1) % 3}});
+  }
+  return rim;
+}
+
+/// Non-rigid registration: a cloth under gravity, pulled to the measured points and the silhouette.
+class SurfaceFitter {
+ public:
+  SurfaceFitter(const StripePoints& points, const Mask& silhouette, const Rig& rig,
+                const Scene& scene);
+
+  void fit(Points& x);
+  /// Distances of the points to the surface, m; NaN for points that see no cloth.
+  std::vector<double> distances(const Points& x, Eigen::VectorXi& support);
+
+ private:
+  void set_stage(const Stage& stage);
+  void associate_points(const Points& x, const Stage& stage);
+  void associate_contour(const Points& x, const Stage& stage);
+  bool newton_step(Points& x);
+  double energy(const Points& x) const;
+  double residual(const PlaneTerm& term, const Points& x) const;
+  void add_terms(const Points& x);
+  void add_block(int triangle, const Eigen::Matrix<double, 9, 9>& block);
+  bool intersect(int triangle, const Points& x, const Vec2& pixel, Vec3& barycentric) const;
+
+  const StripePoints& points_;
+  const Rig& rig_;
+  const Scene& scene_;
+  Fabric fabric_;
+  ClothModel model_;
+  SparseCholesky cholesky_;
+  SparseMatrix hessian_;
+  VisibleTriangles visible_;
+  std::vector<ContourPoint> contour_;
+  std::vector<RimEdge> rim_;
+  std::vector<PlaneTerm> terms_;
+  std::vector<std::array<int, 45>> slots_;  ///< of each triangle's lower 9 x 9 block
+  double weight_;                           ///< areal weight, N/m^2
+  double point_area_;                       ///< m^2 that a decoded point stands for
+  double pixel_size_;                       ///< m at the depth of the fixtures
+  double damping_ = 1;
+  Points gradient_, direction_, trial_;
+};
+
+Fabric prior_fabric() { return Fabric::with_defaults("registration prior"); }
+
+SurfaceFitter::SurfaceFitter(const StripePoints& points, const Mask& silhouette, const Rig& rig,
+                             const Scene& scene)
+    : points_(points),
+      rig_(rig),
+      scene_(scene),
+      fabric_(prior_fabric()),
+      model_(scene.mesh, fabric_, scene.areal_density, scene.gravity),
+      cholesky_(model_.hessian_pattern(), held_vertices(scene.fixtures, scene.mesh.vertex_count()),
+                scene.mesh.material),
+      hessian_(model_.hessian_pattern()),
+      visible_(rig, scene.mesh),
+      contour_(silhouette_contour(silhouette)),
+      rim_(rim_edges(scene.mesh)) {
+  weight_ = scene.areal_density * std::max(scene.gravity.norm(), 1.0);
+  const Vec3 fixture = scene.fixtures.front().motion.position(scene.frame_times.front());
+  const Vec3 pixel = rig.camera.project(fixture);
+  pixel_size_ = (rig.camera.unproject({pixel.x() + 1, pixel.y()}, pixel.z()) - fixture).norm();
+  const double cloth_area = static_cast<double>((silhouette != 0).count()) * pixel_size_ * pixel_size_;
+  point_area_ = cloth_area / std::max<double>(1.0, static_cast<double>(points.pixel.cols()));
+
+  slots_.resize(scene.mesh.triangles.size());
+  for (std::size_t t = 0; t < slots_.size(); ++t) {
+    std::size_t entry = 0;
+    for (int j = 0; j < 9; ++j) {
+      for (int i = j; i < 9; ++i) {
+        const auto index = [&](int k) {
+          return 3 * scene.mesh.triangles[t][static_cast<std::size_t>(k / 3)] + k % 3;
+        };
+        const int row = std::max(index(i), index(j)), column = std::min(index(i), index(j));
+        const int* begin = hessian_.innerIndexPtr() + hessian_.outerIndexPtr()[column];
+        const int* end = hessian_.innerIndexPtr() + hessian_.outerIndexPtr()[column + 1];
+        const int* found = std::lower_bound(begin, end, row);
+        slots_[t][entry++] = static_cast<int>(found - hessian_.innerIndexPtr());
+      }
+    }
+  }
+}
+
+void SurfaceFitter::set_stage(const Stage& stage) {
+  // Stiffness in units of the weight that hangs from the cloth: in-plane strain of its own weight
+  // is 1/250 per length, whatever the fabric.
+  const double length =
+      (scene_.mesh.material.rowwise().maxCoeff() - scene_.mesh.material.rowwise().minCoeff())
+          .maxCoeff();
+  fabric_.values(parameter_index(fabric_.model, "stretch_stiffness")) = 250 * weight_ * length;
+  fabric_.values(parameter_index(fabric_.model, "shear_stiffness")) = 100 * weight_ * length;
+  fabric_.values(parameter_index(fabric_.model, "bend_stiffness")) =
+      weight_ * std::pow(stage.bend_length, 3);
+  model_.set_fabric(fabric_);
+}
+
+bool SurfaceFitter::intersect(int triangle, const Points& x, const Vec2& pixel,
+                              Vec3& barycentric) const {
+  const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(triangle)];
+  const Vec3 origin = rig_.camera.center(), ray = rig_.camera.ray(pixel);
+  const Vec3 e1 = x.col(j) - x.col(i), e2 = x.col(k) - x.col(i);
+  const Vec3 p = ray.cross(e2);
+  const double determinant = e1.dot(p);
+  if (std::abs(determinant) < 1e-15) return false;
+  const Vec3 s = origin - x.col(i);
+  const double b1 = s.dot(p) / determinant, b2 = ray.dot(s.cross(e1)) / determinant;
+  barycentric = Vec3(1 - b1 - b2, b1, b2);
+  // The pixel's centre is inside; the point itself may lie up to a pixel outside.
+  barycentric = barycentric.cwiseMax(0.0);
+  barycentric /= barycentric.sum();
+  return true;
+}
+
+void SurfaceFitter::associate_points(const Points& x, const Stage& stage) {
+  const Points normals = vertex_normals(scene_.mesh, x);
+  const double stiffness = weight_ / stage.give * point_area_;
+  for (Eigen::Index p = 0; p < points_.pixel.cols(); ++p) {
+    const int triangle = visible_.at(points_.pixel.col(p));
+    if (triangle < 0) continue;
+    PlaneTerm term;
+    term.triangle = triangle;
+    if (!intersect(triangle, x, points_.pixel.col(p), term.barycentric)) continue;
+    const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(triangle)];
+    term.normal = (normals.col(i) * term.barycentric(0) + normals.col(j) * term.barycentric(1) +
+                   normals.col(k) * term.barycentric(2))
+                      .normalized();
+    term.offset = term.normal.dot(points_.position.col(p));
+    const double ratio = residual(term, x) / stage.scale;
+    term.weight = stiffness / std::pow(1 + ratio * ratio, 2);
+    terms_.push_back(term);
+  }
+}
+
+void SurfaceFitter::associate_contour(const Points& x, const Stage& stage) {
+  const Points& image = visible_.image();
+  // As heavy as points over a strip of this width.
+  constexpr double strip = 0.01;
+  const double stiffness = weight_ / stage.give * strip * pixel_size_;
+  for (const ContourPoint& point : contour_) {
+    double least = std::numeric_limits<double>::infinity();
+    const RimEdge* nearest = nullptr;
+    double share = 0;
+    for (const RimEdge& edge : rim_) {
+      const auto& triangle = scene_.mesh.triangles[static_cast<std::size_t>(edge.triangle)];
+      const Vec2 a = image.col(triangle[static_cast<std::size_t>(edge.corners[0])]).head<2>();
+      const Vec2 b = image.col(triangle[static_cast<std::size_t>(edge.corners[1])]).head<2>();
+      const double t = std::clamp((point.pixel - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
+      const double distance = (a + t * (b - a) - point.pixel).squaredNorm();
+      if (distance < least) {
+        least = distance;
+        nearest = &edge;
+        share = t;
+      }
+    }
+    if (!nearest) continue;
+    PlaneTerm term;
+    term.triangle = nearest->triangle;
+    term.barycentric.setZero();
+    term.barycentric(nearest->corners[0]) = 1 - share;
+    term.barycentric(nearest->corners[1]) = share;
+    const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(term.triangle)];
+    const Vec3 world = x.col(i) * term.barycentric(0) + x.col(j) * term.barycentric(1) +
+                       x.col(k) * term.barycentric(2);
+    const double depth = rig_.camera.project(world).z();
+    const Vec3 target = rig_.camera.unproject(point.pixel, depth);
+    term.normal = (rig_.camera.unproject(point.pixel + point.outward, depth) - target).normalized();
+    term.offset = term.normal.dot(target);
+    const double ratio = std::sqrt(least) * pixel_size_ / stage.scale;
+    term.weight = stiffness / std::pow(1 + ratio * ratio, 2);
+    terms_.push_back(term);
+  }
+}
+
+double SurfaceFitter::residual(const PlaneTerm& term, const Points& x) const {
+  const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(term.triangle)];
+  return term.normal.dot(x.col(i)) * term.barycentric(0) +
+         term.normal.dot(x.col(j)) * term.barycentric(1) +
+         term.normal.dot(x.col(k)) * term.barycentric(2) - term.offset;
+}
+
+double SurfaceFitter::energy(const Points& x) const {
+  double sum = model_.potential(x, {});
+  for (const PlaneTerm& term : terms_) {
+    const double r = residual(term, x);
+    sum += 0.5 * term.weight * r * r;
+  }
+  return sum;
+}
+
+void SurfaceFitter::add_block(int triangle, const Eigen::Matrix<double, 9, 9>& block) {
+  const auto& slots = slots_[static_cast<std::size_t>(triangle)];
+  const auto& vertices = scene_.mesh.triangles[static_cast<std::size_t>(triangle)];
+  std::size_t entry = 0;
+  for (int j = 0; j < 9; ++j) {
+    for (int i = j; i < 9; ++i, ++entry) hessian_.valuePtr()[slots[entry]] += block(i, j);
+  }
+  (void)vertices;
+}
+
+void SurfaceFitter::add_terms(const Points& x) {
+  for (const PlaneTerm& term : terms_) {
+    const auto& vertices = scene_.mesh.triangles[static_cast<std::size_t>(term.triangle)];
+    const double r = residual(term, x);
+    Eigen::Matrix<double, 9, 1> jacobian;
+    for (int k = 0; k < 3; ++k) {
+      jacobian.segment<3>(3 * k) = term.barycentric(k) * term.normal;
+      gradient_.col(vertices[static_cast<std::size_t>(k)]) +=
+          term.weight * r * term.barycentric(k) * term.normal;
+    }
+    add_block(term.triangle, term.weight * jacobian * jacobian.transpose());
+  }
+}
+
+bool SurfaceFitter::newton_step(Points& x) {
+  const double before = energy(x);
+  for (int attempt = 0; attempt < 12; ++attempt) {
+    hessian_.coeffs().setZero();
+    model_.potential_hessian(x, {}, HessianKind::positive_semidefinite, gradient_, hessian_);
+    add_terms(x);
+    const auto diagonal = model_.diagonal_slots();
+    for (Eigen::Index i = 0; i < gradient_.cols(); ++i) {
+      for (Eigen::Index k = 0; k < 3; ++k) {
+        hessian_.valuePtr()[diagonal[static_cast<std::size_t>(3 * i + k)]] +=
+            damping_ * model_.masses()(i);
+      }
+    }
+    if (!cholesky_.factorize(hessian_)) {
+      damping_ *= 10;
+      continue;
+    }
+    direction_ = -gradient_;
+    cholesky_.solve(direction_);
+    const double slope = gradient_.cwiseProduct(direction_).sum();
+    double fraction = 1;
+    for (; fraction > 1.0 / 64; fraction *= 0.5) {
+      trial_ = x + fraction * direction_;
+      if (energy(trial_) <= before + 1e-4 * fraction * slope) break;
+    }
+    if (fraction > 1.0 / 64) {
+      x = trial_;
+      damping_ = fraction == 1 ? std::max(damping_ / 4, 1.0) : damping_ * 4;
+      return true;
+    }
+    damping_ *= 16;
+  }
+  return false;
+}
+
+void SurfaceFitter::fit(Points& x) {
+  damping_ = 100;
+  for (const Stage& stage : schedule) {
+    set_stage(stage);
+    for (int round = 0; round < stage.rounds; ++round) {
+      visible_.update(x);
+      terms_.clear();
+      associate_points(x, stage);
+      associate_contour(x, stage);
+      for (int step = 0; step < stage.steps; ++step) {
+        if (!newton_step(x)) break;
+      }
+    }
+  }
+}
+
+std::vector<double> SurfaceFitter::distances(const Points& x, Eigen::VectorXi& support) {
+  support = Eigen::VectorXi::Zero(scene_.mesh.vertex_count());
+  std::vector<double> result(static_cast<std::size_t>(points_.pixel.cols()), std::nan(""));
+  visible_.update(x);
+  terms_.clear();
+  constexpr double near = 0.005;
+  for (Eigen::Index p = 0; p < points_.pixel.cols(); ++p) {
+    const int triangle = visible_.at(points_.pixel.col(p));
+    Vec3 barycentric;
+    if (triangle < 0 || !intersect(triangle, x, points_.pixel.col(p), barycentric)) continue;
+    const auto& vertices = scene_.mesh.triangles[static_cast<std::size_t>(triangle)];
+    const Vec3 a = x.col(vertices[0]), b = x.col(vertices[1]), c = x.col(vertices[2]);
+    const Vec3 normal = (b - a).cross(c - a).normalized();
+    const double distance = std::abs(normal.dot(points_.position.col(p) - a));
+    result[static_cast<std::size_t>(p)] = distance;
+    int nearest = 0;
+    barycentric.maxCoeff(&nearest);
+    if (distance < near) ++support(vertices[static_cast<std::size_t>(nearest)]);
+  }
+  return result;
+}
+
+double quantile(std::vector<double> values, double share) {
+  if (values.empty()) return 0;
+  const auto k = std::min(values.size() - 1,
+                          static_cast<std::size_t>(share * static_cast<double>(values.size())));
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(k), values.end());
+  return values[k];
+}
+
+}  // namespace
+
+SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const Rig& rig,
+                       const Scene& scene) {
+  SurfaceFit result;
+  result.points = static_cast<int>(points.pixel.cols());
+  result.support = Eigen::VectorXi::Zero(scene.mesh.vertex_count());
+  result.x = flat_sheet(scene);
+  if (result.points < least_points) {
+    result.note = fmt::format("{} points were decoded from the stripes, at least {} are needed",
+                              result.points, least_points);
+    return result;
+  }
+  SurfaceFitter fitter(points, silhouette, rig, scene);
+  fitter.fit(result.x);
+  std::vector<double> distances = fitter.distances(result.x, result.support);
+  std::erase_if(distances, [](double distance) { return std::isnan(distance); });
+  result.residual_median = quantile(distances, 0.5);
+  result.residual_p95 = quantile(distances, 0.95);
+  result.usable = result.residual_median < 0.005;
+  if (!result.usable) {
+    result.note = fmt::format("the cloth stays {:.1f} mm (median) from the decoded points",
+                              1e3 * result.residual_median);
+  }
+  return result;
+}
+
+}  // namespace weft
