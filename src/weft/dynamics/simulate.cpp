@@ -40,6 +40,25 @@ std::string_view name_of(Integrator integrator) {
 
 namespace {
 
+void check_positive(std::string_view name, double value) {
+  if (!(value > 0) || !std::isfinite(value)) {
+    throw Error(fmt::format("{}: {} is not a positive number", name, value));
+  }
+}
+
+void check(const SimulationOptions& options) {
+  if (options.steps_per_frame < 1 || options.steps_per_frame > 10000) {
+    throw Error(fmt::format("steps_per_frame: {} is not in [1, 10000]", options.steps_per_frame));
+  }
+  check_positive("newton_tolerance", options.newton_tolerance);
+  check_positive("absolute_tolerance", options.absolute_tolerance);
+  check_positive("force_tolerance", options.static_options.force_tolerance);
+  check_positive("max_newton_iterations", options.max_newton_iterations);
+  if (!(options.relative_tolerance >= 0)) {
+    throw Error(fmt::format("relative_tolerance: {} is negative", options.relative_tolerance));
+  }
+}
+
 void check(const Scene& scene, const SimulationOptions& options) {
   const int n = scene.mesh.vertex_count();
   if (scene.start.cols() != n) {
@@ -67,9 +86,7 @@ void check(const Scene& scene, const SimulationOptions& options) {
                               fixture.name, fixture.vertex));
     }
   }
-  if (options.steps_per_frame < 1 || options.steps_per_frame > 10000) {
-    throw Error(fmt::format("steps_per_frame: {} is not in [1, 10000]", options.steps_per_frame));
-  }
+  check(options);
 }
 
 void diverge(Trajectory& trajectory, std::string reason) {

@@ -14,7 +14,7 @@ namespace weft {
 // to the front of the parent.
 namespace {
 
-constexpr int kLeafSize = 12;
+constexpr int kLeafSize = 10;
 
 using DenseMap = Eigen::Map<MatX, 0, Eigen::OuterStride<>>;
 using ConstDenseMap = Eigen::Map<const MatX, 0, Eigen::OuterStride<>>;
@@ -294,6 +294,7 @@ bool SparseCholesky::Impl::eliminate(const Node& node, double* update) {
   Eigen::Ref<MatX> pivot_ref(pivot);
   Eigen::LLT<Eigen::Ref<MatX>> llt(pivot_ref);
   if (llt.info() != Eigen::Success) return false;
+  if (!pivot.diagonal().array().isFinite().all()) return false;  // LLT lets NaN pass
   if (r > 0) {
     auto below = f.bottomLeftCorner(r, p);
     pivot.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(below);
