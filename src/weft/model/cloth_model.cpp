@@ -212,7 +212,10 @@ struct ClothModel::Impl {
   void set_gravity_gradient(Points& gradient) const;
   void add_internal_forces(const Coefficients& k, const Points& x, const Points& v,
                            Points& force) const;
-  void add_drag(const DragLaw& law, const Points& x, const Points& v, Points& force) const;
+  /// `pressure` along the normal as a function of the normal speed, and k_T along the surface.
+  template <class Pressure>
+  void add_drag(double tangential, const Pressure& pressure, const Points& x, const Points& v,
+                Points& force) const;
 };
 
 double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
@@ -330,15 +333,16 @@ void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& 
   }
 }
 
-void ClothModel::Impl::add_drag(const DragLaw& law, const Points& x, const Points& v,
-                                Points& force) const {
+template <class Pressure>
+void ClothModel::Impl::add_drag(double tangential, const Pressure& pressure, const Points& x,
+                                const Points& v, Points& force) const {
   for (const TriangleGroup& group : elements.triangles) {
     const TrianglePositions p = positions(group, x), q = positions(group, v);
     const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
     const Vector3<Lanes> mean = broadcast<Lanes>(1.0 / 3) * (q.x0 + q.x1 + q.x2);
     const Lanes s = dot(mean, n);
     const Vector3<Lanes> resistance =
-        law.pressure(s) * n + broadcast<Lanes>(law.tangential) * (mean - s * n);
+        pressure(s) * n + broadcast<Lanes>(tangential) * (mean - s * n);
     const Vector3<Lanes> share = (group.shape.area * (-1.0 / 3)) * resistance;
     for (const LaneIndices& vertices : group.vertices) scatter_add(share, vertices, force.data());
   }
@@ -432,7 +436,9 @@ void ClothModel::potential_hessian(const Points& x, const DampingRate& damping, 
 }
 
 void ClothModel::add_drag(const Points& x, const Points& v, Points& force) const {
-  impl_->add_drag(impl_->coefficients.drag, x, v, force);
+  const DragLaw& law = impl_->coefficients.drag;
+  impl_->add_drag(
+      law.tangential, [&](const Lanes& s) { return law.pressure(s); }, x, v, force);
 }
 
 void ClothModel::add_drag_damping(const Points& x, const Points& v, double factor,
@@ -459,6 +465,26 @@ void ClothModel::forces(const Points& x, const Points& v, Points& force) const {
   force.noalias() = impl_->gravity * impl_->masses.transpose();
   impl_->add_internal_forces(impl_->coefficients, x, v, force);
   add_drag(x, v, force);
+}
+
+void ClothModel::force_derivative(const Points& x, const Points& v, int parameter,
+                                  Points& derivative) const {
+  constexpr int kDegradation = 8;
+  assert(parameter >= 0 && parameter <= kDegradation);
+  derivative.setZero(3, x.cols());
+  const DragLaw& law = impl_->coefficients.drag;
+  if (parameter == kDegradation) {
+    const auto pressure = [&](const Lanes& s) { return law.pressure_by_degradation(s); };
+    impl_->add_drag(0, pressure, x, v, derivative);
+    return;
+  }
+  // Forces are linear in the other parameters: those of a fabric that has this one alone.
+  VecX one = VecX::Unit(kDegradation + 1, parameter);
+  one[kDegradation] = law.degradation;
+  const Coefficients k = Coefficients::from(one);
+  impl_->add_internal_forces(k, x, v, derivative);
+  const auto pressure = [&](const Lanes& s) { return k.drag.pressure(s); };
+  impl_->add_drag(k.drag.tangential, pressure, x, v, derivative);
 }
 
 double ClothModel::damping_power(const Points& x, const Points& v) const {

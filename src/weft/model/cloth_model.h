@@ -27,16 +27,24 @@ enum class HessianKind {
 /// be set again. Components are ordered: stretch u and v and shear of each triangle, then the
 /// hinges.
 ///
-/// Energy of a component: 1/2 w k C^2 with w its area (m^2), k its stiffness.
+/// Energy of a component: 1/2 w k C^2 with k its stiffness. For the strains of a triangle w is its
+/// area (m^2) and k is in N/m; for a hinge w is a number (hinge_weights.h) and k, the flexural
+/// rigidity, is in N m. Energies are linear in area: the parameters do not depend on the mesh.
+///
+/// All functions are const and keep no state between calls: one model may serve several threads.
+/// A triangle that has collapsed, or a hinge whose triangle has, gives finite values (stretch.h,
+/// dihedral_angle.h).
 class ClothModel {
  public:
-  /// Throws Error if the areal density is not in (0, 100] kg/m^2, or the mesh is not valid.
+  /// Throws Error if the areal density is not in (0, 100] kg/m^2, or the mesh or fabric is not
+  /// valid.
   ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double areal_density,
              const Vec3& gravity);
   ~ClothModel();
   ClothModel(ClothModel&&) noexcept;
   ClothModel& operator=(ClothModel&&) noexcept;
 
+  /// Throws Error if the fabric is of another model or a value is negative or not finite.
   void set_fabric(const Fabric& fabric);
   const TriangleMesh& mesh() const;
   int vertex_count() const;
@@ -77,6 +85,10 @@ class ClothModel {
   /// All forces at a state: elasticity, damping (with Cdot = grad C . v), gravity, drag. For
   /// explicit integration and for tests. Overwrites.
   void forces(const Points& x, const Points& v, Points& force) const;
+
+  /// d force / d p at a fixed state, with p the parameter at `parameter` in the fabric's table (N
+  /// per unit of p). Overwrites. Sensitivities need it.
+  void force_derivative(const Points& x, const Points& v, int parameter, Points& derivative) const;
 
   /// Power taken by damping and by drag, W (both >= 0): for the energy balance.
   double damping_power(const Points& x, const Points& v) const;
