@@ -1,0 +1,380 @@
+#include "weft/report/figures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "weft/report/text.h"
+
+namespace weft {
+namespace {
+
+constexpr double kMillimetres = 1000;
+constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Stretches of frames of one kind; edges half way between frames.
+std::vector<PlotRegion> validation_regions(const ReportCapture& capture, bool in_seconds) {
+  std::vector<PlotRegion> regions;
+  const auto& frames = capture.frames;
+  const auto at = [&](std::size_t i) {
+    return in_seconds ? frames[i].time : static_cast<double>(frames[i].index);
+  };
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (!frames[i].validation) continue;
+    std::size_t last = i;
+    while (last + 1 < frames.size() && frames[last + 1].validation) ++last;
+    const double lower = i > 0 ? (at(i - 1) + at(i)) / 2 : at(i);
+    const double upper = last + 1 < frames.size() ? (at(last) + at(last + 1)) / 2 : at(last);
+    regions.push_back({lower, upper, "validation"});
+    i = last;
+  }
+  return regions;
+}
+
+PlotAxis frame_axis() {
+  PlotAxis axis;
+  axis.label = "frame";
+  axis.integers = true;
+  return axis;
+}
+
+PlotAxis time_axis() {
+  PlotAxis axis;
+  axis.label = "time";
+  axis.unit = "s";
+  return axis;
+}
+
+PlotSeries& add_series(LinePlot& plot, std::string name,
+                       PlotSeries::Mark mark = PlotSeries::Mark::line, int colour = -1) {
+  PlotSeries& series = plot.series.emplace_back();
+  series.name = std::move(name);
+  series.mark = mark;
+  series.colour = colour;
+  return series;
+}
+
+void add_point(PlotSeries& series, double x, double y) {
+  series.x.push_back(x);
+  series.y.push_back(y);
+}
+
+/// A fixed parameter's name in words: "bend_stiffness" as "bend stiffness".
+std::string in_words(std::string name) {
+  std::ranges::replace(name, '_', ' ');
+  return name;
+}
+
+/// Logarithmic where the finite values span more than a factor of 20 above zero.
+bool spans_decades(const std::vector<ReportHistoryPoint>& history) {
+  double lower = kInfinity, upper = 0;
+  for (const ReportHistoryPoint& point : history) {
+    if (!std::isfinite(point.error)) continue;
+    lower = std::min(lower, point.error);
+    upper = std::max(upper, point.error);
+  }
+  return lower > 0 && upper > 20 * lower;
+}
+
+}  // namespace
+
+LinePlot error_plot(const ReportCapture& capture) {
+  LinePlot plot;
+  plot.title = "Error per frame";
+  plot.x = frame_axis();
+  plot.y.label = "error";
+  plot.y.from_zero = true;
+  plot.regions = validation_regions(capture, false);
+  plot.height = 280;
+  PlotSeries& error = add_series(plot, "");
+  for (const ReportFrame& frame : capture.frames) add_point(error, frame.index, frame.error);
+  return plot;
+}
+
+LinePlot error_parts_plot(const ReportCapture& capture) {
+  LinePlot plot = error_plot(capture);
+  plot.title = "Error per frame and its parts";
+  plot.series.clear();
+  PlotSeries& error = add_series(plot, "error", PlotSeries::Mark::line, 0);
+  for (const ReportFrame& frame : capture.frames) add_point(error, frame.index, frame.error);
+  PlotSeries& fold = add_series(plot, "fold", PlotSeries::Mark::line, 1);
+  for (const ReportFrame& frame : capture.frames) add_point(fold, frame.index, frame.fold);
+  PlotSeries& silhouette = add_series(plot, "silhouette, weighted", PlotSeries::Mark::line, 2);
+  for (const ReportFrame& frame : capture.frames) {
+    add_point(silhouette, frame.index,
+              std::isfinite(frame.error) ? frame.error - frame.fold : frame.error);
+  }
+  silhouette.dashed = true;
+  return plot;
+}
+
+LinePlot distance_plot(const ReportCapture& capture) {
+  LinePlot plot;
+  plot.title = "Distance to the true surface";
+  plot.x = time_axis();
+  plot.y.label = "distance";
+  plot.y.unit = "mm";
+  plot.y.from_zero = true;
+  plot.regions = validation_regions(capture, true);
+  plot.height = 280;
+  PlotSeries mean, max;
+  for (const ReportFrame& frame : capture.frames) {
+    if (!frame.distance) continue;
+    add_point(mean, frame.time, kMillimetres * frame.distance->mean);
+    add_point(max, frame.time, kMillimetres * frame.distance->max);
+  }
+  mean.name = "mean";
+  mean.colour = 1;
+  max.name = "largest";
+  max.colour = 2;
+  max.dashed = true;
+  plot.series = {std::move(mean), std::move(max)};
+  return plot;
+}
+
+LinePlot distance_plot(const std::vector<PlotSeries>& series) {
+  LinePlot plot;
+  plot.title = "Distance between surfaces";
+  plot.x = time_axis();
+  plot.y.label = "mean distance";
+  plot.y.unit = "mm";
+  plot.y.from_zero = true;
+  plot.series = series;
+  for (PlotSeries& one : plot.series) {
+    for (auto* values : {&one.y, &one.lower, &one.upper}) {
+      for (double& value : *values) value *= kMillimetres;
+    }
+  }
+  return plot;
+}
+
+LinePlot search_plot(const std::vector<ReportHistoryPoint>& history) {
+  LinePlot plot;
+  plot.title = "Progress of the search";
+  plot.x.label = "evaluation";
+  plot.x.integers = true;
+  plot.y.label = "error";
+  plot.y.logarithmic = spans_decades(history);
+  plot.y.from_zero = !plot.y.logarithmic;
+  plot.height = 320;
+  int colour = 1;
+  for (std::size_t i = 0; i < history.size(); ++i) {
+    const std::string& phase = history[i].phase;
+    auto found = std::ranges::find(plot.series, phase, &PlotSeries::name);
+    if (found == plot.series.end()) {
+      add_series(plot, phase, PlotSeries::Mark::points, colour++ % 8);
+      found = plot.series.end() - 1;
+    }
+    add_point(*found, static_cast<double>(history[i].evaluation), history[i].error);
+  }
+  PlotSeries& best = add_series(plot, "best so far", PlotSeries::Mark::line, 0);
+  for (std::size_t i = 0; i < history.size(); ++i) {
+    const auto at = static_cast<double>(history[i].evaluation);
+    // A step, and a gap between phases: their errors may be sums over different frames.
+    if (i > 0 && history[i].phase != history[i - 1].phase) {
+      add_point(best, at, kGap);
+    } else if (i > 0 && std::isfinite(history[i - 1].best)) {
+      add_point(best, at, history[i - 1].best);
+    }
+    add_point(best, at, std::isfinite(history[i].best) ? history[i].best : kGap);
+  }
+  return plot;
+}
+
+LinePlot temperature_plot(const std::vector<ReportHistoryPoint>& history) {
+  LinePlot plot;
+  plot.title = "Temperature";
+  plot.x.label = "evaluation";
+  plot.x.integers = true;
+  plot.y.label = "temperature, in units of the error";
+  plot.y.logarithmic = true;
+  plot.height = 220;
+  PlotSeries& series = add_series(plot, "", PlotSeries::Mark::line, 2);
+  for (const ReportHistoryPoint& point : history) {
+    add_point(series, static_cast<double>(point.evaluation),
+              point.temperature > 0 ? point.temperature : kGap);
+  }
+  if (!history.empty()) {
+    plot.x.lower = static_cast<double>(history.front().evaluation) - 0.5;
+    plot.x.upper = static_cast<double>(history.back().evaluation) + 0.5;
+  }
+  return plot;
+}
+
+LinePlot perturbation_plot(const ReportPerturbation& perturbation) {
+  LinePlot plot;
+  plot.title = in_words(perturbation.parameter);
+  plot.x.label = "change of the parameter";
+  plot.x.unit = "%";
+  plot.y.label = "error";
+  plot.width = 360;
+  plot.height = 250;
+  const auto [c0, c1, c2] = perturbation.quadratic;
+  PlotSeries& measured = add_series(plot, "evaluated", PlotSeries::Mark::points, 1);
+  double lower = kInfinity, upper = -kInfinity;
+  for (std::size_t i = 0; i < perturbation.relative.size(); ++i) {
+    add_point(measured, 100 * perturbation.relative[i], perturbation.error[i]);
+    lower = std::min(lower, perturbation.relative[i]);
+    upper = std::max(upper, perturbation.relative[i]);
+  }
+  PlotSeries& quadratic = add_series(plot, "quadratic", PlotSeries::Mark::line, 2);
+  constexpr int kSamples = 60;
+  for (int i = 0; lower < upper && i <= kSamples; ++i) {
+    const double r = lower + (upper - lower) * i / kSamples;
+    add_point(quadratic, 100 * r, c0 + c1 * r + c2 * r * r);
+  }
+  if (c2 > 0) {
+    // The least of the quadratic within what was sampled; the variability is where it has risen by
+    // 1 %.
+    const double at = std::clamp(-c1 / (2 * c2), lower, upper);
+    plot.levels.push_back({1.01 * (c0 + c1 * at + c2 * at * at), "+1 %"});
+  }
+  return plot;
+}
+
+BarChart variability_chart(const std::vector<ReportParameter>& parameters) {
+  BarChart chart;
+  chart.title = "Variability";
+  chart.value.label = "change of the parameter that raises the error by 1 %";
+  chart.value.unit = "%";
+  chart.value.logarithmic = true;
+  for (const ReportParameter& p : parameters) {
+    if (!p.free || !p.variability_percent) continue;
+    BarChart::Bar bar;
+    bar.label = in_words(p.name);
+    bar.value = p.determined ? *p.variability_percent : kInfinity;
+    bar.highlighted = p.at_bound != ReportParameter::Bound::none;
+    if (!std::isfinite(bar.value)) {
+      bar.note = "not determined by the data";
+    } else if (bar.highlighted) {
+      bar.note = format_value(bar.value, 2) + " %, at a bound";
+    } else {
+      bar.note = format_value(bar.value, 2) + " %";
+    }
+    chart.bars.push_back(std::move(bar));
+  }
+  return chart;
+}
+
+HeatMap surface_map(const ReportSurface& surface) {
+  HeatMap map;
+  map.title =
+      "Error over " + in_words(surface.x_parameter) + " and " + in_words(surface.y_parameter);
+  map.x_axis.label = in_words(surface.x_parameter);
+  map.x_axis.unit = surface.x_unit;
+  map.x_axis.logarithmic = surface.x_logarithmic;
+  map.y_axis.label = in_words(surface.y_parameter);
+  map.y_axis.unit = surface.y_unit;
+  map.y_axis.logarithmic = surface.y_logarithmic;
+  map.x = surface.x;
+  map.y = surface.y;
+  map.values = surface.error;
+  map.label = "error";
+  map.logarithmic = (surface.error.array() > 0).all();
+  if (std::isfinite(surface.x_estimate) && std::isfinite(surface.y_estimate)) {
+    map.markers.push_back({surface.x_estimate, surface.y_estimate, "estimate"});
+  }
+  return map;
+}
+
+LinePlot matrix_plot(const ReportMatrix& matrix) {
+  LinePlot plot;
+  plot.title = "Error of each fabric's parameters on each capture";
+  plot.x.label = "parameters of";
+  plot.x.categories = matrix.fabrics;
+  plot.y.label = "error";
+  plot.y.from_zero = true;
+  for (Eigen::Index i = 0; i < matrix.error.rows(); ++i) {
+    PlotSeries& series = add_series(plot, matrix.captures[static_cast<std::size_t>(i)],
+                                    PlotSeries::Mark::line_and_points);
+    for (Eigen::Index j = 0; j < matrix.error.cols(); ++j) {
+      add_point(series, static_cast<double>(j), matrix.error(i, j));
+    }
+  }
+  return plot;
+}
+
+HeatMap matrix_map(const ReportMatrix& matrix) {
+  HeatMap map;
+  map.title = "Error of each fabric's parameters on each capture";
+  map.x_axis.label = "parameters of";
+  map.x_axis.categories = matrix.fabrics;
+  map.y_axis.label = "capture";
+  map.y_axis.categories = matrix.captures;
+  for (std::size_t j = 0; j < matrix.fabrics.size(); ++j) map.x.push_back(static_cast<double>(j));
+  for (std::size_t i = 0; i < matrix.captures.size(); ++i) map.y.push_back(static_cast<double>(i));
+  map.values = matrix.error;
+  map.label = "error";
+  map.logarithmic = (matrix.error.array() > 0).all();
+  map.print_values = true;
+  map.outline_row_minimum = true;
+  map.height = 110 + 52 * static_cast<int>(matrix.captures.size());
+  return map;
+}
+
+LinePlot energy_plot(const std::vector<PlotSeries>& series) {
+  LinePlot plot;
+  plot.title = "Energy over time";
+  plot.x = time_axis();
+  plot.y.label = "energy";
+  plot.y.unit = "J";
+  plot.series = series;
+  return plot;
+}
+
+double fitted_order(const PlotSeries& series) {
+  double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
+  for (std::size_t i = 0; i < series.x.size(); ++i) {
+    if (!(series.x[i] > 0 && series.y[i] > 0) || !std::isfinite(series.x[i] * series.y[i]))
+      continue;
+    const double x = std::log(series.x[i]), y = std::log(series.y[i]);
+    n += 1;
+    sx += x;
+    sy += y;
+    sxx += x * x;
+    sxy += x * y;
+  }
+  const double denominator = n * sxx - sx * sx;
+  return n >= 2 && denominator > 0 ? (n * sxy - sx * sy) / denominator : kGap;
+}
+
+LinePlot convergence_plot(const std::string& title, const PlotAxis& size, const PlotAxis& error,
+                          std::vector<PlotSeries> series, const std::vector<double>& guides) {
+  LinePlot plot;
+  plot.title = title;
+  plot.x = size;
+  plot.y = error;
+  plot.x.logarithmic = plot.y.logarithmic = true;
+  plot.height = 420;
+  plot.series = std::move(series);
+  double lower = kInfinity, upper = 0, anchor_x = kInfinity, anchor_y = kGap;
+  for (std::size_t s = 0; s < plot.series.size(); ++s) {
+    PlotSeries& one = plot.series[s];
+    one.mark = PlotSeries::Mark::line_and_points;
+    const double order = fitted_order(one);
+    if (std::isfinite(order)) one.name += fmt::format(", order {:.2f}", order);
+    for (std::size_t i = 0; i < one.x.size(); ++i) {
+      if (!(one.x[i] > 0)) continue;
+      lower = std::min(lower, one.x[i]);
+      upper = std::max(upper, one.x[i]);
+      if (s == 0 && one.y[i] > 0 && one.x[i] < anchor_x) {
+        anchor_x = one.x[i];
+        anchor_y = one.y[i];
+      }
+    }
+  }
+  for (const double order : guides) {
+    PlotSeries& guide =
+        add_series(plot, fmt::format("order {}", format_value(order)), PlotSeries::Mark::line, 7);
+    guide.dashed = true;
+    for (const double x : {lower, upper}) {
+      add_point(guide, x, anchor_y * std::pow(x / anchor_x, order));
+    }
+  }
+  return plot;
+}
+
+}  // namespace weft
