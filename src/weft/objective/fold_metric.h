@@ -12,9 +12,9 @@ struct FrameFeatures {
 
 /// Bhat 2003, equations 5 to 8, for one frame.
 struct FrameError {
-  double fold = 0;         ///< equation 5, rad^2: over pixels where mask is 1 and both angles are valid
-  double silhouette = 0;   ///< equation 6, pixels
-  double mask_pixels = 0;  ///< sum of the mask
+  double fold = 0;  ///< equation 5, rad^2: over pixels where mask is 1 and both angles are valid
+  double silhouette = 0;      ///< equation 6, pixels
+  double mask_pixels = 0;     ///< sum of the mask
   double overlap_pixels = 0;  ///< masked pixels where both angles are valid
   double total(double alpha) const { return fold + alpha * silhouette; }
 };

@@ -267,9 +267,10 @@ void AngleMapper::Impl::combine(int y) {
     store(out2 + x, inside * c2);
     store(out3 + x, inside * c3);
   }
+  const int reach = int(blur_.size()) - 1;
   for (int x = 0; x < box_.width(); x += kPack) {
-    store(blurred2_.row(y) + x, even_taps(blur_, out2 + x, 1));
-    store(blurred3_.row(y) + x, even_taps(blur_, out3 + x, 1));
+    store(blurred2_.row(y + reach) + x, even_taps(blur_, out2 + x, 1));
+    store(blurred3_.row(y + reach) + x, even_taps(blur_, out3 + x, 1));
   }
 }
 

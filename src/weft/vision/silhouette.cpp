@@ -137,16 +137,16 @@ void fill_holes(cv::Mat& mask) {
 }
 
 struct Difference {
-  cv::Mat closed;  ///< |light - background|, stripes joined
+  cv::Mat raw;     ///< |light - background|
+  cv::Mat closed;  ///< the same with the stripes joined
   double spread = 0;
 };
 
 Difference difference_to(const Background& background, const cv::Mat& light, double period) {
   Difference difference;
-  cv::Mat raw;
-  cv::absdiff(light, background.light, raw);
-  cv::morphologyEx(raw, difference.closed, cv::MORPH_CLOSE, disc(0.4 * period), {-1, -1}, 1,
-                   cv::BORDER_REPLICATE);
+  cv::absdiff(light, background.light, difference.raw);
+  cv::morphologyEx(difference.raw, difference.closed, cv::MORPH_CLOSE, disc(0.4 * period), {-1, -1},
+                   1, cv::BORDER_REPLICATE);
   difference.spread = background.spread;
   return difference;
 }
@@ -162,15 +162,19 @@ cv::Mat find_cloth(const Difference& difference, double period) {
   return mask;
 }
 
-/// Peels rim pixels below half of the largest difference within 3 px.
-void refine_edge(cv::Mat& mask, const cv::Mat& closed) {
+/// Peels rim pixels whose difference is below half of the least of the cloth's within 3 px; the
+/// cloth's own are those at least 2 px inside.
+void refine_edge(cv::Mat& mask, const cv::Mat& raw) {
   constexpr int kReach = 3;
-  cv::Mat local, core, candidate;
-  cv::dilate(closed, local, disc(kReach), {-1, -1}, 1, cv::BORDER_REPLICATE);
-  candidate = closed < 0.5 * local;
+  cv::Mat core, inner, least;
   for (int round = 0; round < 2 * kReach; ++round) {
+    cv::erode(mask, core, disc(2), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(255));
+    inner = cv::Mat(raw.size(), CV_32F, cv::Scalar(1e9));
+    raw.copyTo(inner, core);
+    cv::erode(inner, least, disc(kReach), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(1e9));
     cv::erode(mask, core, disc(1), {-1, -1}, 1, cv::BORDER_CONSTANT, cv::Scalar(255));
-    cv::Mat drop = candidate & mask & ~core;
+    const cv::Mat weak = (raw < 0.5 * least) & (least < 1e8);
+    const cv::Mat drop = weak & mask & ~core;
     if (cv::countNonZero(drop) == 0) break;
     mask.setTo(0, drop);
   }
@@ -204,7 +208,7 @@ SilhouetteResult find_silhouette(const Image& intensity, const SilhouetteOptions
     difference = difference_to(background, light, period);
     mask = find_cloth(difference, period);
   }
-  refine_edge(mask, difference.closed);
+  refine_edge(mask, difference.raw);
   mask = large_components(mask, 4 * period * period);
   fill_holes(mask);
 
