@@ -1,0 +1,211 @@
+#include "weft/fabric/fabric.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include "weft/base/error.h"
+
+namespace weft {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+TEST(ParameterTable, NamesOrderAndUnits) {
+  // Units follow from the laws: w kd Cdot grad C is a force with w in m^2 and C a strain, or with w
+  // a number and C an angle; drag per area is k_T v and k_N v^2 / (1 + k_f v^2).
+  const std::pair<const char*, const char*> expected[] = {
+      {"stretch_stiffness", "N/m"},   {"shear_stiffness", "N/m"},
+      {"bend_stiffness", "N m"},      {"stretch_damping", "N s/m"},
+      {"shear_damping", "N s/m"},     {"bend_damping", "N m s"},
+      {"drag_linear", "N s/m^3"},     {"drag_quadratic", "N s^2/m^4"},
+      {"drag_degradation", "s^2/m^2"}};
+  const auto table = model_parameters("baraff-witkin");
+  ASSERT_EQ(table.size(), std::size(expected));
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    EXPECT_EQ(table[i].name, expected[i].first);
+    EXPECT_EQ(table[i].unit, expected[i].second);
+    EXPECT_EQ(parameter_index("baraff-witkin", table[i].name), static_cast<int>(i));
+  }
+}
+
+TEST(ParameterTable, RangesHoldTheirDefaults) {
+  for (const ParameterInfo& info : baraff_witkin_parameters()) {
+    EXPECT_LT(info.lower, info.upper) << info.name;
+    EXPECT_GE(info.default_value, info.lower) << info.name;
+    EXPECT_LE(info.default_value, info.upper) << info.name;
+    EXPECT_GE(info.lower, 0) << info.name;
+    if (info.scale == Scale::logarithmic) {
+      EXPECT_GT(info.lower, 0) << info.name;
+    }
+    EXPECT_FALSE(info.meaning.empty() || info.source.empty()) << info.name;
+  }
+}
+
+TEST(ParameterTable, UnknownNamesAreErrors) {
+  EXPECT_THROW(model_parameters("springs"), Error);
+  try {
+    parameter_index("baraff-witkin", "bend");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("\"bend\""), HasSubstr("bend_stiffness")));
+  }
+}
+
+TEST(Scaling, EndsMiddleAndRoundTrip) {
+  for (const ParameterInfo& info : baraff_witkin_parameters()) {
+    EXPECT_NEAR(to_scaled(info, info.lower), 0, 1e-14);
+    EXPECT_NEAR(to_scaled(info, info.upper), 1, 1e-14);
+    EXPECT_EQ(from_scaled(info, 0), info.lower);
+    EXPECT_EQ(from_scaled(info, 1), info.upper);
+    const double middle =
+        info.scale == Scale::logarithmic
+            ? std::sqrt(info.lower * info.upper)
+            : 0.1 * (std::sqrt((1 + info.lower / 0.1) * (1 + info.upper / 0.1)) - 1);
+    EXPECT_NEAR(from_scaled(info, 0.5), middle, 1e-12 * middle);
+    for (double t = 0; t <= 1; t += 1.0 / 64) {
+      const double value = from_scaled(info, t);
+      EXPECT_GE(value, info.lower);
+      EXPECT_LE(value, info.upper);
+      EXPECT_NEAR(to_scaled(info, value), t, 1e-13);
+    }
+  }
+}
+
+TEST(Fabric, SetChecksTheArgument) {
+  Fabric fabric = Fabric::with_defaults("x");
+  fabric.set("bend_stiffness", 2e-5);
+  EXPECT_EQ(fabric.value("bend_stiffness"), 2e-5);
+  for (const double bad : {0.0, -1.0, 1.0, std::nan(""), static_cast<double>(INFINITY)}) {
+    EXPECT_THROW(fabric.set("bend_stiffness", bad), Error) << bad;
+    EXPECT_EQ(fabric.value("bend_stiffness"), 2e-5);
+  }
+  EXPECT_THROW(fabric.set("bend", 1e-5), Error);
+  EXPECT_THROW(Fabric::with_defaults("x", "springs"), Error);
+}
+
+TEST(FabricFile, RoundTripIsExact) {
+  Fabric fabric = find_fabric("satin");
+  fabric.name = "a \"quoted\" name\\ with a tab\t and Gewebe\u00e4";
+  fabric.areal_density = 0.1 + 0.2;
+  fabric.set("stretch_stiffness", 1000.0 / 3);
+  fabric.provenance = "line one\nline two";
+  const Fabric again = fabric_from_toml(fabric_to_toml(fabric), "x.toml");
+  EXPECT_EQ(again.name, fabric.name);
+  EXPECT_EQ(again.model, fabric.model);
+  EXPECT_EQ(again.provenance, fabric.provenance);
+  EXPECT_EQ(again.areal_density, fabric.areal_density);
+  EXPECT_EQ(again.values, fabric.values);
+}
+
+TEST(FabricFile, RangesInTheFileAreKept) {
+  Fabric fabric = Fabric::with_defaults("x");
+  Fabric read = fabric_from_toml(fabric_to_toml(fabric), "x.toml");
+  const int bend = parameter_index(read.model, "bend_stiffness");
+  EXPECT_EQ(read.info(bend).lower, 1e-7);
+  read.lower[bend] = 5e-6;
+  read.upper[bend] = 0.1;  // wider than the table
+  read.set("bend_stiffness", 0.05);
+  const Fabric again = fabric_from_toml(fabric_to_toml(read), "x.toml");
+  EXPECT_EQ(again.info(bend).lower, 5e-6);
+  EXPECT_EQ(again.info(bend).upper, 0.1);
+  EXPECT_EQ(again.value("bend_stiffness"), 0.05);
+  EXPECT_THROW(read.set("bend_stiffness", 1e-6), Error);
+}
+
+/// The text of a valid file with `from` replaced by `to`.
+std::string edited(const std::string& from, const std::string& to) {
+  std::string text = fabric_to_toml(find_fabric("linen-waving"));
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+void expect_error(const std::string& text, const std::string& what, const std::string& more = "") {
+  try {
+    fabric_from_toml(text, "cloth.toml");
+    FAIL() << "accepted: " << what;
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("cloth.toml"), HasSubstr(what), HasSubstr(more)));
+    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << "not one line";
+  }
+}
+
+TEST(FabricFile, BadInputNamesFileKeyAndReason) {
+  expect_error(edited("name = ", "nmae = "), "name");
+  expect_error(edited("[parameters]", "colour = \"red\"\n[parameters]"), "colour");
+  expect_error(edited("bend_stiffness = {", "bent_stiffness = {"), "bend_stiffness");
+  expect_error(edited("[parameters]", "[parameters]\npoisson = { value = 0.3 }"), "poisson");
+  expect_error(edited("unit = \"N/m\",", "unit = \"N/m\", prior = 1,"), "prior");
+  expect_error(edited("value = 2935.3", "valeu = 2935.3"), "value");
+  expect_error(edited("value = 2935.3", "value = 99999"), "value", "5000");
+  expect_error(edited("value = 2935.3", "value = -1"), "value");
+  expect_error(edited("value = 2935.3", "value = nan"), "value");
+  expect_error(edited("value = 2935.3", "value = \"stiff\""), "value");
+  expect_error(edited("unit = \"N/m\"", "unit = \"Pa\""), "unit", "N/m");
+  expect_error(edited("lower = 5,", "lower = 6000,"), "lower");
+  expect_error(edited("lower = 5,", "lower = -5,"), "lower");
+  expect_error(edited("model = \"baraff-witkin\"", "model = \"stvk\""), "model", "baraff-witkin");
+  expect_error(edited("format = \"weft-fabric\"", "format = \"weft-capture\""), "format");
+  expect_error(edited("version = 1", "version = 2"), "version");
+  expect_error(edited("[parameters]", "areal_density = 0\n[parameters]"), "areal_density");
+  expect_error("format = ", "cloth.toml");
+}
+
+TEST(FabricFile, FilesOnDisk) {
+  const auto path = std::filesystem::temp_directory_path() / "weft_fabric_test.toml";
+  write_fabric(path, find_fabric("knit-static-2"));
+  EXPECT_EQ(read_fabric(path).values, find_fabric("knit-static-2").values);
+  EXPECT_EQ(find_fabric(path.string()).name, "knit-static-2");
+  std::filesystem::remove(path);
+  EXPECT_THROW(read_fabric(path), Error);
+  EXPECT_THROW(write_fabric("/no/such/folder/x.toml", find_fabric("knit")), Error);
+  try {
+    find_fabric("cotton");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(),
+                AllOf(HasSubstr("cotton"), HasSubstr("linen-waving"), HasSubstr("knit-static-2")));
+  }
+}
+
+TEST(Presets, TwelveOfThemWithProvenance) {
+  std::set<std::string> names;
+  for (const Fabric& fabric : fabric_presets()) {
+    names.insert(fabric.name);
+    EXPECT_THAT(fabric.provenance, AllOf(HasSubstr("Table"), HasSubstr("Exp"), HasSubstr("SI")));
+    for (int i = 0; i < fabric.values.size(); ++i) {
+      EXPECT_GE(fabric.values[i], fabric.info(i).lower);
+      EXPECT_LE(fabric.values[i], fabric.info(i).upper);
+    }
+  }
+  EXPECT_EQ(names.size(), 12U);
+  for (const char* kind : {"linen", "fleece", "satin", "knit"}) {
+    EXPECT_EQ(find_fabric(kind).name, std::string(kind) + "-waving");
+    for (const char* test : {"-static-1", "-static-2", "-waving"})
+      EXPECT_TRUE(names.contains(std::string(kind) + test));
+  }
+}
+
+TEST(Presets, ValuesOfThePaper) {
+  // Table 3: of the two experiments the one with the smaller E1 + E2 (the text works satin out).
+  EXPECT_EQ(find_fabric("satin").value("stretch_stiffness"), 32.4);
+  EXPECT_EQ(find_fabric("satin").value("bend_stiffness"), 5.6e-6);
+  EXPECT_EQ(find_fabric("satin").value("drag_quadratic"), 1.5);
+  EXPECT_EQ(find_fabric("linen").value("bend_stiffness"), 0.0008);   // 194.0 against 198.9
+  EXPECT_EQ(find_fabric("fleece").value("shear_stiffness"), 296.9);  // 402.4 against 409.8
+  EXPECT_EQ(find_fabric("knit").value("stretch_stiffness"), 69.7);   // 470.6 against 471.6
+  // Table 1.
+  EXPECT_EQ(find_fabric("linen-static-1").value("bend_stiffness"), 0.009);
+  EXPECT_EQ(find_fabric("fleece-static-2").value("stretch_damping"), 0.064);
+  EXPECT_EQ(find_fabric("satin-static-2").value("shear_stiffness"), 69.65);
+  EXPECT_EQ(find_fabric("knit-static-1").value("shear_damping"), 0.13);
+}
+
+}  // namespace
+}  // namespace weft
