@@ -5,43 +5,41 @@ namespace weft::test {
 
 /// Tip deflection over length of a strip clamped horizontally and bent by its own weight: the heavy
 /// elastica theta'' = -load (1 - s) cos(theta), theta(0) = 0, theta'(1) = 0, with s in lengths,
-/// theta downwards and load = rho g L^3 / B. Classical Runge-Kutta and shooting for theta'(0).
+/// theta downwards and load = rho g L^3 / B.
+///
+/// Shooting from the free end: with t = 1 - s and phi = pi / 2 - theta, phi'' = load t sin(phi) and
+/// phi'(0) = 0. While phi is below pi, phi(1) rises with phi(0), so that bisection finds the phi(0)
+/// for which phi reaches pi / 2 at the clamp. Classical Runge-Kutta.
 inline double elastica_tip_deflection(double load) {
   constexpr int kSteps = 2000;
-  struct End {
-    double curvature, deflection;
+  constexpr double h = 1.0 / kSteps;
+  struct Clamp {
+    double phi, deflection;
   };
-  auto shoot = [load](double curvature) {
-    double theta = 0, deflection = 0;
-    const double h = 1.0 / kSteps;
-    auto bend = [load](double s, double angle) { return -load * (1 - s) * std::cos(angle); };
-    for (int i = 0; i < kSteps; ++i) {
-      const double s = i * h;
-      const double t1 = curvature, c1 = bend(s, theta), d1 = std::sin(theta);
-      const double t2 = curvature + h / 2 * c1, c2 = bend(s + h / 2, theta + h / 2 * t1),
-                   d2 = std::sin(theta + h / 2 * t1);
-      const double t3 = curvature + h / 2 * c2, c3 = bend(s + h / 2, theta + h / 2 * t2),
-                   d3 = std::sin(theta + h / 2 * t2);
-      const double t4 = curvature + h * c3, c4 = bend(s + h, theta + h * t3),
-                   d4 = std::sin(theta + h * t3);
-      theta += h / 6 * (t1 + 2 * t2 + 2 * t3 + t4);
-      curvature += h / 6 * (c1 + 2 * c2 + 2 * c3 + c4);
-      deflection += h / 6 * (d1 + 2 * d2 + 2 * d3 + d4);
+  const auto shoot = [load](double phi) {
+    const auto bend = [load](double t, double angle) { return load * t * std::sin(angle); };
+    double rate = 0, deflection = 0;
+    for (int i = 0; i < kSteps && phi < 2; ++i) {
+      const double t = i * h;
+      const double p1 = rate, r1 = bend(t, phi);
+      const double p2 = rate + h / 2 * r1, r2 = bend(t + h / 2, phi + h / 2 * p1);
+      const double p3 = rate + h / 2 * r2, r3 = bend(t + h / 2, phi + h / 2 * p2);
+      const double p4 = rate + h * r3, r4 = bend(t + h, phi + h * p3);
+      deflection += h / 6 *
+                    (std::cos(phi) + 2 * std::cos(phi + h / 2 * p1) +
+                     2 * std::cos(phi + h / 2 * p2) + std::cos(phi + h * p3));
+      phi += h / 6 * (p1 + 2 * p2 + 2 * p3 + p4);
+      rate += h / 6 * (r1 + 2 * r2 + 2 * r3 + r4);
     }
-    return End{curvature, deflection};
+    return Clamp{phi, deflection};
   };
-  // The end's curvature rises with the clamp's; the first root from below is the hanging shape.
   double low = 0;
-  double high = 0.1;
-  while (shoot(high).curvature < 0) {
-    low = high;
-    high *= 1.1;
-  }
+  double high = M_PI / 2;
   for (int i = 0; i < 100; ++i) {
     const double middle = 0.5 * (low + high);
-    (shoot(middle).curvature < 0 ? low : high) = middle;
+    (shoot(middle).phi < M_PI / 2 ? low : high) = middle;
   }
-  return shoot(0.5 * (low + high)).deflection;
+  return shoot(low).deflection;
 }
 
 }  // namespace weft::test
