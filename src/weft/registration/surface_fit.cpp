@@ -19,22 +19,26 @@ namespace {
 
 // Fewest decoded points that fix a surface.
 constexpr int least_points = 200;
+// The rim of the silhouette weighs as much as points over a strip of this width, m.
+constexpr double contour_strip = 0.01;
 
 /// One step of the annealing. Lengths in m.
 struct Stage {
   double scale;        ///< distance at which a point loses half its pull
   double bend_length;  ///< (bend stiffness / weight per area)^(1/3)
+  double stiffness;    ///< in-plane stiffness over (weight per area times size of the swatch)
   double give;         ///< normal displacement of a point whose pull equals the weight of its area
   int rounds;          ///< associations
   int steps;           ///< Newton steps per association
 };
 
-constexpr std::array<Stage, 5> schedule = {{
-    {0.100, 0.060, 2e-3, 6, 2},
-    {0.040, 0.035, 5e-4, 6, 2},
-    {0.020, 0.020, 2e-4, 6, 2},
-    {0.010, 0.012, 1e-4, 6, 2},
-    {0.005, 0.010, 1e-4, 6, 2},
+constexpr std::array<Stage, 6> schedule = {{
+    {0.100, 0.060, 10, 1e-3, 8, 2},
+    {0.060, 0.040, 25, 5e-4, 6, 2},
+    {0.040, 0.030, 60, 2e-4, 6, 2},
+    {0.020, 0.020, 120, 1e-4, 6, 2},
+    {0.010, 0.012, 250, 1e-4, 6, 2},
+    {0.005, 0.010, 250, 1e-4, 6, 2},
 }};
 
 /// Pulls the point of a triangle towards a plane: 1/2 weight (normal . (sum b_i x_i) - offset)^2.
@@ -177,7 +181,8 @@ class SurfaceFitter {
   SurfaceFitter(const StripePoints& points, const Mask& silhouette, const Rig& rig,
                 const Scene& scene);
 
-  void fit(Points& x);
+  /// Anneals from `x`; returns the final energy, J: elastic, gravity, and robust misfit.
+  double fit(Points& x);
   /// Distances of the points to the surface, m; NaN for points that see no cloth.
   std::vector<double> distances(const Points& x, Eigen::VectorXi& support);
 
@@ -185,14 +190,20 @@ class SurfaceFitter {
   void set_stage(const Stage& stage);
   void associate_points(const Points& x, const Stage& stage);
   void associate_contour(const Points& x, const Stage& stage);
+  double misfit(const Points& x);
+  void keep_inside(const Points& x, const Stage& stage);
+  PlaneTerm image_term(const Points& x, int triangle, const Vec3& barycentric,
+                       const ContourPoint& target) const;
   bool newton_step(Points& x);
   double energy(const Points& x) const;
   double residual(const PlaneTerm& term, const Points& x) const;
   void add_terms(const Points& x);
   void add_block(int triangle, const Eigen::Matrix<double, 9, 9>& block);
+  bool inside_silhouette(const Vec2& pixel) const;
   bool intersect(int triangle, const Points& x, const Vec2& pixel, Vec3& barycentric) const;
 
   const StripePoints& points_;
+  const Mask& silhouette_;
   const Rig& rig_;
   const Scene& scene_;
   Fabric fabric_;
@@ -203,6 +214,8 @@ class SurfaceFitter {
   std::vector<ContourPoint> contour_;
   std::vector<RimEdge> rim_;
   std::vector<PlaneTerm> terms_;
+  std::vector<int> first_triangle_;         ///< of each vertex
+  VecX areas_;                              ///< of each vertex, m^2
   std::vector<std::array<int, 45>> slots_;  ///< of each triangle's lower 9 x 9 block
   double weight_;                           ///< areal weight, N/m^2
   double point_area_;                       ///< m^2 that a decoded point stands for
@@ -216,6 +229,7 @@ Fabric prior_fabric() { return Fabric::with_defaults("registration prior"); }
 SurfaceFitter::SurfaceFitter(const StripePoints& points, const Mask& silhouette, const Rig& rig,
                              const Scene& scene)
     : points_(points),
+      silhouette_(silhouette),
       rig_(rig),
       scene_(scene),
       fabric_(prior_fabric()),
@@ -230,9 +244,17 @@ SurfaceFitter::SurfaceFitter(const StripePoints& points, const Mask& silhouette,
   const Vec3 fixture = scene.fixtures.front().motion.position(scene.frame_times.front());
   const Vec3 pixel = rig.camera.project(fixture);
   pixel_size_ = (rig.camera.unproject({pixel.x() + 1, pixel.y()}, pixel.z()) - fixture).norm();
-  const double cloth_area = static_cast<double>((silhouette != 0).count()) * pixel_size_ * pixel_size_;
+  const double cloth_area =
+      static_cast<double>((silhouette != 0).count()) * pixel_size_ * pixel_size_;
   point_area_ = cloth_area / std::max<double>(1.0, static_cast<double>(points.pixel.cols()));
 
+  areas_ = vertex_areas(scene.mesh);
+  first_triangle_.assign(static_cast<std::size_t>(scene.mesh.vertex_count()), -1);
+  for (int t = scene.mesh.triangle_count() - 1; t >= 0; --t) {
+    for (const int v : scene.mesh.triangles[static_cast<std::size_t>(t)]) {
+      first_triangle_[static_cast<std::size_t>(v)] = t;
+    }
+  }
   slots_.resize(scene.mesh.triangles.size());
   for (std::size_t t = 0; t < slots_.size(); ++t) {
     std::size_t entry = 0;
@@ -257,8 +279,10 @@ void SurfaceFitter::set_stage(const Stage& stage) {
   const double length =
       (scene_.mesh.material.rowwise().maxCoeff() - scene_.mesh.material.rowwise().minCoeff())
           .maxCoeff();
-  fabric_.values(parameter_index(fabric_.model, "stretch_stiffness")) = 250 * weight_ * length;
-  fabric_.values(parameter_index(fabric_.model, "shear_stiffness")) = 100 * weight_ * length;
+  fabric_.values(parameter_index(fabric_.model, "stretch_stiffness")) =
+      stage.stiffness * weight_ * length;
+  fabric_.values(parameter_index(fabric_.model, "shear_stiffness")) =
+      0.4 * stage.stiffness * weight_ * length;
   fabric_.values(parameter_index(fabric_.model, "bend_stiffness")) =
       weight_ * std::pow(stage.bend_length, 3);
   model_.set_fabric(fabric_);
@@ -303,9 +327,7 @@ void SurfaceFitter::associate_points(const Points& x, const Stage& stage) {
 
 void SurfaceFitter::associate_contour(const Points& x, const Stage& stage) {
   const Points& image = visible_.image();
-  // As heavy as points over a strip of this width.
-  constexpr double strip = 0.01;
-  const double stiffness = weight_ / stage.give * strip * pixel_size_;
+  const double stiffness = weight_ / stage.give * contour_strip * pixel_size_;
   for (const ContourPoint& point : contour_) {
     double least = std::numeric_limits<double>::infinity();
     const RimEdge* nearest = nullptr;
@@ -323,22 +345,63 @@ void SurfaceFitter::associate_contour(const Points& x, const Stage& stage) {
       }
     }
     if (!nearest) continue;
-    PlaneTerm term;
-    term.triangle = nearest->triangle;
-    term.barycentric.setZero();
-    term.barycentric(nearest->corners[0]) = 1 - share;
-    term.barycentric(nearest->corners[1]) = share;
-    const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(term.triangle)];
-    const Vec3 world = x.col(i) * term.barycentric(0) + x.col(j) * term.barycentric(1) +
-                       x.col(k) * term.barycentric(2);
-    const double depth = rig_.camera.project(world).z();
-    const Vec3 target = rig_.camera.unproject(point.pixel, depth);
-    term.normal = (rig_.camera.unproject(point.pixel + point.outward, depth) - target).normalized();
-    term.offset = term.normal.dot(target);
+    Vec3 barycentric = Vec3::Zero();
+    barycentric(nearest->corners[0]) = 1 - share;
+    barycentric(nearest->corners[1]) = share;
+    PlaneTerm term = image_term(x, nearest->triangle, barycentric, point);
     const double ratio = std::sqrt(least) * pixel_size_ / stage.scale;
     term.weight = stiffness / std::pow(1 + ratio * ratio, 2);
     terms_.push_back(term);
   }
+}
+
+PlaneTerm SurfaceFitter::image_term(const Points& x, int triangle, const Vec3& barycentric,
+                                    const ContourPoint& target) const {
+  const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(triangle)];
+  const Vec3 world =
+      x.col(i) * barycentric(0) + x.col(j) * barycentric(1) + x.col(k) * barycentric(2);
+  const double depth = rig_.camera.project(world).z();
+  const Vec3 point = rig_.camera.unproject(target.pixel, depth);
+  PlaneTerm term;
+  term.triangle = triangle;
+  term.barycentric = barycentric;
+  term.normal = (rig_.camera.unproject(target.pixel + target.outward, depth) - point).normalized();
+  term.offset = term.normal.dot(point);
+  return term;
+}
+
+void SurfaceFitter::keep_inside(const Points& x, const Stage& stage) {
+  const Points& image = visible_.image();
+  for (int t = 0; t < scene_.mesh.triangle_count(); ++t) {
+    for (int corner = 0; corner < 3; ++corner) {
+      const int v =
+          scene_.mesh.triangles[static_cast<std::size_t>(t)][static_cast<std::size_t>(corner)];
+      if (first_triangle_[static_cast<std::size_t>(v)] != t) continue;
+      const Vec2 pixel = image.col(v).head<2>();
+      if (inside_silhouette(pixel)) continue;
+      const ContourPoint* nearest = nullptr;
+      double least = std::numeric_limits<double>::infinity();
+      for (const ContourPoint& point : contour_) {
+        const double distance = (point.pixel - pixel).squaredNorm();
+        if (distance < least) {
+          least = distance;
+          nearest = &point;
+        }
+      }
+      if (!nearest || least < 0.25) continue;
+      const ContourPoint target{nearest->pixel, (pixel - nearest->pixel).normalized()};
+      PlaneTerm term = image_term(x, t, Vec3::Unit(corner), target);
+      term.weight = weight_ / stage.give * areas_(v);
+      terms_.push_back(term);
+    }
+  }
+}
+
+bool SurfaceFitter::inside_silhouette(const Vec2& pixel) const {
+  const int column = static_cast<int>(std::floor(pixel.x()));
+  const int row = static_cast<int>(std::floor(pixel.y()));
+  return row >= 0 && row < silhouette_.rows() && column >= 0 && column < silhouette_.cols() &&
+         silhouette_(row, column);
 }
 
 double SurfaceFitter::residual(const PlaneTerm& term, const Points& x) const {
@@ -416,7 +479,7 @@ bool SurfaceFitter::newton_step(Points& x) {
   return false;
 }
 
-void SurfaceFitter::fit(Points& x) {
+double SurfaceFitter::fit(Points& x) {
   damping_ = 100;
   for (const Stage& stage : schedule) {
     set_stage(stage);
@@ -425,11 +488,36 @@ void SurfaceFitter::fit(Points& x) {
       terms_.clear();
       associate_points(x, stage);
       associate_contour(x, stage);
+      keep_inside(x, stage);
       for (int step = 0; step < stage.steps; ++step) {
         if (!newton_step(x)) break;
       }
     }
   }
+  return misfit(x) + model_.potential(x, {});
+}
+
+double SurfaceFitter::misfit(const Points& x) {
+  const Stage& stage = schedule.back();
+  const double point_stiffness = weight_ / stage.give * point_area_;
+  const double scale_squared = stage.scale * stage.scale;
+  visible_.update(x);
+  terms_.clear();
+  associate_points(x, stage);
+  const double uncovered =
+      static_cast<double>(points_.pixel.cols()) - static_cast<double>(terms_.size());
+  double sum = 0.5 * uncovered * point_stiffness * scale_squared;
+  const auto add = [&](double stiffness) {
+    for (const PlaneTerm& term : terms_) {
+      const double r = residual(term, x);
+      sum += 0.5 * stiffness * r * r / (1 + r * r / scale_squared);
+    }
+  };
+  add(point_stiffness);
+  terms_.clear();
+  associate_contour(x, stage);
+  add(weight_ / stage.give * contour_strip * pixel_size_);
+  return sum;
 }
 
 std::vector<double> SurfaceFitter::distances(const Points& x, Eigen::VectorXi& support) {
@@ -464,6 +552,8 @@ double quantile(std::vector<double> values, double share) {
 
 }  // namespace
 
+void (*debug_hook)(const StartShape&, double) = nullptr;
+
 SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const Rig& rig,
                        const Scene& scene) {
   SurfaceFit result;
@@ -476,7 +566,17 @@ SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const
     return result;
   }
   SurfaceFitter fitter(points, silhouette, rig, scene);
-  fitter.fit(result.x);
+  std::vector<StartShape> starts = generic_starts(scene);
+  starts.insert(starts.begin(), {"flat", flat_sheet(scene)});
+  double least = std::numeric_limits<double>::infinity();
+  for (StartShape& start : starts) {
+    const double energy = fitter.fit(start.x);
+    if (debug_hook) debug_hook(start, energy);
+    if (energy < least) {
+      least = energy;
+      result.x = start.x;
+    }
+  }
   std::vector<double> distances = fitter.distances(result.x, result.support);
   std::erase_if(distances, [](double distance) { return std::isnan(distance); });
   result.residual_median = quantile(distances, 0.5);
