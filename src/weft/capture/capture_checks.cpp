@@ -17,9 +17,9 @@ void check_pair(const CaptureFixture& a, const CaptureFixture& b, double time,
   const double rest = (a.at - b.at).norm();
   const double distance = (a.motion.position(time) - b.motion.position(time)).norm();
   if (distance <= kMaxStretch * rest) return;
-  throw error_at(where, fmt::format("at {:.4g} s \"{}\" and \"{}\" are {:.4g} m apart; on the "
-                                    "undeformed swatch they are {:.4g} m apart, and cloth is taken "
-                                    "to stretch to {:.4g} m at most",
+  throw error_at(where, fmt::format("at {:.4g} s \"{}\" and \"{}\" are {:.5g} m apart; on the "
+                                    "undeformed swatch they are {:.5g} m apart, and cloth is taken "
+                                    "to stretch to {:.5g} m at most",
                                     time, a.name, b.name, distance, rest, kMaxStretch * rest));
 }
 
