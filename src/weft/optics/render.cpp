@@ -133,6 +133,7 @@ struct Renderer::Impl {
   template <int kSamples>
   bool resolve_whole(int i, int j);
   void resolve_sampled(int i, int j);
+  int piece_at_centre(int i, int j) const;
   Shade shade(int t, float x, float y, float footprint_samples) const;
   void write(int i, int j, float intensity, bool inside, const Shade& centre);
 
@@ -161,7 +162,7 @@ struct Renderer::Impl {
   RenderedFrame frame;
 };
 
-/// Which sample stands for the pixel's centre: the nearest one that is covered.
+/// The first covered one of these stands for the pixel's centre if no piece is known to cover it.
 void Renderer::Impl::order_samples() {
   for (int i = 0; i < samples; ++i)
     for (int j = 0; j < samples; ++j) central_first.push_back({i, j});
@@ -350,6 +351,31 @@ bool Renderer::Impl::resolve_whole(int i, int j) {
   return true;
 }
 
+/// The nearest piece at the pixel's centre, of those that cover one of its samples; -1 if none
+/// does.
+int Renderer::Impl::piece_at_centre(int i, int j) const {
+  const float half = 0.5f * static_cast<float>(samples);
+  const float x = static_cast<float>(j * samples) + half;
+  const float y = static_cast<float>(i * samples) + half;
+  int nearest = -1;
+  float nearest_depth = 0;
+  for (const auto& [r, c] : central_first) {
+    const std::size_t sample = at(i * samples + r, j * samples + c);
+    if (inverse_depth[sample] == 0) continue;
+    const int t = piece_at[sample];
+    const auto& [p, q, s] = surface.triangles()[t];
+    const BarycentricGradient& g = pieces[t].gradient;
+    const float dx = x - vertices[p].x, dy = y - vertices[p].y;
+    const float beta = g.x1 * dx + g.y1 * dy, gamma = g.x2 * dx + g.y2 * dy;
+    if (!(beta >= 0 && gamma >= 0 && beta + gamma <= 1)) continue;
+    const float origin = vertices[p].inverse_depth();
+    const float depth = origin + beta * (vertices[q].inverse_depth() - origin) +
+                        gamma * (vertices[s].inverse_depth() - origin);
+    if (depth > nearest_depth) nearest = t, nearest_depth = depth;
+  }
+  return nearest;
+}
+
 void Renderer::Impl::resolve_sampled(int i, int j) {
   const int n = samples;
   float sum = 0;
@@ -366,10 +392,12 @@ void Renderer::Impl::resolve_sampled(int i, int j) {
   if (covered == 0) return;
   const int all = n * n;
   sum += static_cast<float>(all - covered) * static_cast<float>(options.background);
+  const int at_centre = piece_at_centre(i, j);
+  const bool inside = 2 * covered == all ? at_centre >= 0 : 2 * covered > all;
   const float half = 0.5f * static_cast<float>(n);
-  const bool inside = 2 * covered >= all;
   const Shade centre =
-      inside ? shade(central, static_cast<float>(j * n) + half, static_cast<float>(i * n) + half, 1)
+      inside ? shade(at_centre >= 0 ? at_centre : central, static_cast<float>(j * n) + half,
+                     static_cast<float>(i * n) + half, 1)
              : Shade{};
   write(i, j, sum / static_cast<float>(all), inside, centre);
 }

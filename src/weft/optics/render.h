@@ -36,8 +36,9 @@ struct RenderOptions {
 
 struct RenderedFrame {
   Image intensity;  ///< linear light, 0 to 1
-  Mask silhouette;  ///< 1 where cloth covers at least half of the pixel's samples
-  Image depth;      ///< m along the camera's axis at the pixel's centre; 0 where silhouette is 0
+  /// 1 where cloth covers more than half of the pixel's samples, or half of them and its centre.
+  Mask silhouette;
+  Image depth;  ///< m along the camera's axis at the pixel's centre; 0 where silhouette is 0
   /// Projector row y (continuous, px) that lights the surface at the pixel's centre; NaN where
   /// silhouette is 0 or the projector does not light it. Empty unless asked for.
   Image projector_row;

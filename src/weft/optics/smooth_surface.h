@@ -10,7 +10,8 @@ namespace weft {
 /// Boyd and Mitchell 2001, "Curved PN triangles", section 3): on each triangle a cubic Bezier patch
 /// from positions and normals of its three vertices, and a quadratic normal. It is sampled on a
 /// regular grid of each triangle. Points on a shared edge exist once, so the sampled surface has no
-/// cracks. The rim of the mesh is a cubic curve as every other edge.
+/// cracks. The rim of the mesh is a cubic curve as every other edge; normals there are the mean of
+/// the triangles inside, so the surface flattens towards the rim, as a free edge of cloth does.
 class SmoothSurface {
  public:
   /// Each triangle becomes subdivision^2 ones, 1 to 16 (1: the mesh itself). Throws Error
