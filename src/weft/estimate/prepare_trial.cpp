@@ -93,22 +93,6 @@ void measure(Trial& trial, int last, int threads) {
 
 }  // namespace
 
-double image_stripe_period(const Capture& capture) {
-  Vec3 middle = Vec3::Zero();
-  for (const CaptureFixture& fixture : capture.fixtures)
-    middle += fixture.motion.position(0) / double(capture.fixtures.size());
-  const Vec3 down = capture.gravity.normalized();
-  middle += 0.5 * capture.height * down;
-  // Along the swatch, from the stripe's width in the projector to that in the image.
-  const Vec3 next = middle + 1e-3 * down;
-  const Rig& rig = capture.rig;
-  const double image = (rig.camera.project(next) - rig.camera.project(middle)).head<2>().norm();
-  const double rows = std::abs(rig.projector.project(next).y() - rig.projector.project(middle).y());
-  // Stripes nearly along gravity do not change downwards; any usual period then does as well.
-  const double period = rows > 0 ? rig.pattern.period * image / rows : 0;
-  return std::clamp(period, 4.0, 0.25 * std::min(rig.width, rig.height));
-}
-
 std::shared_ptr<const Trial> prepare_trial(const Capture& capture, int first, int last,
                                            const TrialOptions& options, int threads,
                                            const std::filesystem::path& cache_folder) {

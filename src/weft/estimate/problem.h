@@ -54,9 +54,6 @@ std::shared_ptr<const Trial> prepare_trial(const Capture& capture, int first, in
                                            const TrialOptions& options, int threads = 0,
                                            const std::filesystem::path& cache_folder = {});
 
-/// About how many pixels of the image one stripe period covers in the middle of the swatch.
-double image_stripe_period(const Capture& capture);
-
 /// The error of one fabric on one trial.
 struct TrialEvaluation {
   std::vector<FrameError> frames;  ///< frames that were compared; fewer than asked if diverged

@@ -1,0 +1,334 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <numbers>
+
+#include "weft/base/error.h"
+#include "weft/estimate/cross.h"
+#include "weft/estimate/evaluate_capture.h"
+#include "weft/estimate/fit.h"
+#include "weft/estimate/problem.h"
+#include "weft/estimate/synthetic.h"
+
+namespace weft {
+namespace {
+
+/// A small swatch, a small image, a few frames: 11 x 11 vertices as truth, 9 x 9 to fit.
+LayoutOptions small_layout() {
+  LayoutOptions layout;
+  layout.width = layout.height = 0.3;
+  layout.image_width = 160;
+  layout.image_height = 120;
+  layout.stripe_period = 0.022;
+  layout.frame_count = 5;
+  layout.fit_frames = 3;
+  layout.wave_frequency = 3;
+  return layout;
+}
+
+TrialOptions small_trial() {
+  TrialOptions options;
+  options.columns = options.rows = 9;
+  options.angle_map.kernel_radius = 4;
+  options.angle_map.blur_sigma = 2;
+  options.simulation.steps_per_frame = 2;
+  return options;
+}
+
+Fabric test_fabric() {
+  Fabric fabric = Fabric::with_defaults("test");
+  fabric.set("bend_stiffness", 2e-5);
+  fabric.set("stretch_stiffness", 100);
+  fabric.set("shear_stiffness", 60);
+  return fabric;
+}
+
+/// Made once for all tests of this program.
+class TrialTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    root_ =
+        std::filesystem::path(testing::TempDir()) / ("weft-trial-" + std::to_string(::getpid()));
+    SyntheticOptions options;
+    options.columns = options.rows = 11;
+    options.simulation.steps_per_frame = 4;
+    capture_ = std::make_unique<Capture>(make_synthetic_capture(
+        root_ / "swatch", make_layout(small_layout()), test_fabric(), options));
+    trial_ = prepare_trial(*capture_, 0, 4, small_trial());
+  }
+  static void TearDownTestSuite() {
+    trial_.reset();
+    capture_.reset();
+    std::filesystem::remove_all(root_);
+  }
+
+  static inline std::filesystem::path root_;
+  static inline std::unique_ptr<Capture> capture_;
+  static inline std::shared_ptr<const Trial> trial_;
+};
+
+void expect_same_error(const TrialEvaluation& a, const TrialEvaluation& b) {
+  ASSERT_EQ(a.frames.size(), b.frames.size());
+  for (std::size_t i = 0; i < a.frames.size(); ++i) {
+    EXPECT_EQ(a.frames[i].fold, b.frames[i].fold);
+    EXPECT_EQ(a.frames[i].silhouette, b.frames[i].silhouette);
+  }
+  EXPECT_EQ(a.error, b.error);
+}
+
+TEST_F(TrialTest, SyntheticCaptureReadsBackAsItWasLaidOut) {
+  const LayoutOptions layout = small_layout();
+  EXPECT_EQ(capture_->frame_count, 5);
+  EXPECT_EQ(capture_->fit_last, 2);
+  EXPECT_EQ(capture_->rig.width, 160);
+  ASSERT_EQ(capture_->fixtures.size(), 2u);
+  const double separation =
+      (capture_->fixtures[1].motion.position(0) - capture_->fixtures[0].motion.position(0)).norm();
+  EXPECT_NEAR(separation, 0.75 * layout.width, 1e-6);
+  ASSERT_TRUE(capture_->truth);
+  const TruthSurface truth = read_truth(*capture_);
+  EXPECT_EQ(truth.mesh.vertex_count(), 121);
+  EXPECT_EQ(truth.frames.size(), 5u);
+  // The right corner moves away from rest with no velocity.
+  const Motion& right = capture_->fixtures[1].motion;
+  EXPECT_LT((right.position(1e-3) - right.position(0)).norm(), 1e-4);
+  EXPECT_GT((right.position(4 / 30.0) - right.position(0)).norm(), 5e-3);
+}
+
+TEST_F(TrialTest, HasFeaturesOfEachFrame) {
+  ASSERT_EQ(trial_->frame_count(), 5);
+  EXPECT_FALSE(trial_->start_name.empty());
+  EXPECT_EQ(trial_->scene.start.cols(), 81);
+  EXPECT_TRUE(trial_->scene.start.allFinite());
+  for (const FrameFeatures& f : trial_->features) {
+    EXPECT_GT((f.silhouette != 0).count(), 2000);
+    EXPECT_GT((f.fold_mask != 0).count(), 50);
+    EXPECT_TRUE((f.fold_mask <= f.angles.valid).all());
+  }
+}
+
+TEST_F(TrialTest, EvaluationAveragesEquationEightOverItsFrames) {
+  Trajectory trajectory;
+  const TrialEvaluation e = evaluate(*trial_, test_fabric(), 0, &trajectory);
+  ASSERT_FALSE(e.diverged) << e.divergence;
+  ASSERT_EQ(e.frames.size(), 5u);
+  EXPECT_EQ(trajectory.frames.size(), 5u);
+  double total = 0, masked = 0;
+  for (const FrameError& frame : e.frames) {
+    total += frame.fold + 0.1 * frame.silhouette;
+    masked += frame.mask_pixels;
+  }
+  EXPECT_NEAR(e.error, total / 5, 1e-9 * total);
+  EXPECT_NEAR(e.error_per_mask_pixel, total / masked, 1e-9);
+}
+
+TEST_F(TrialTest, EvaluationIsPureAndTheSameForAnyThreads) {
+  const TrialEvaluation one = evaluate(*trial_, test_fabric(), 0, nullptr, 1);
+  expect_same_error(one, evaluate(*trial_, test_fabric(), 0, nullptr, 3));
+  expect_same_error(one, evaluate(*trial_, test_fabric(), 0, nullptr, 1));
+}
+
+TEST_F(TrialTest, FirstFramesAreThoseOfTheWholeEvaluation) {
+  const TrialEvaluation all = evaluate(*trial_, test_fabric());
+  const TrialEvaluation two = evaluate(*trial_, test_fabric(), 2);
+  ASSERT_EQ(two.frames.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) EXPECT_EQ(two.frames[i].fold, all.frames[i].fold);
+}
+
+TEST_F(TrialTest, LaterFramesAreSimulatedFromTheHangOfFrameZero) {
+  const auto later = prepare_trial(*capture_, 2, 4, small_trial());
+  EXPECT_EQ(later->frame_count(), 3);
+  EXPECT_EQ(later->first_frame, 2);
+  EXPECT_EQ(later->scene.start, trial_->scene.start);
+  const TrialEvaluation all = evaluate(*trial_, test_fabric());
+  const TrialEvaluation part = evaluate(*later, test_fabric());
+  ASSERT_EQ(part.frames.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(part.frames[i].fold, all.frames[i + 2].fold);
+}
+
+TEST_F(TrialTest, TheTrueFabricFitsBetterThanOthers) {
+  const double right = evaluate(*trial_, test_fabric()).error;
+  Fabric stiff = test_fabric(), soft = test_fabric();
+  stiff.set("bend_stiffness", 8e-4);
+  soft.set("stretch_stiffness", 12);
+  EXPECT_LT(right, 0.7 * evaluate(*trial_, stiff).error);
+  EXPECT_LT(right, 0.7 * evaluate(*trial_, soft).error);
+}
+
+TEST_F(TrialTest, CacheGivesTheSameTrial) {
+  const auto cache = root_ / "cache";
+  const auto fresh = prepare_trial(*capture_, 0, 4, small_trial(), 0, cache);
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::directory_iterator(cache)) files.push_back(entry);
+  ASSERT_EQ(files.size(), 1u);
+  const auto written = std::filesystem::last_write_time(files[0]);
+  const auto cached = prepare_trial(*capture_, 0, 4, small_trial(), 0, cache);
+  EXPECT_EQ(std::filesystem::last_write_time(files[0]), written);
+  EXPECT_EQ(cached->start_name, trial_->start_name);
+  const auto fingerprint = [](const std::shared_ptr<const Trial>& trial) {
+    return Problem({trial}, Fabric::with_defaults("x"), {"bend_stiffness"}).fingerprint();
+  };
+  EXPECT_EQ(fingerprint(fresh), fingerprint(trial_));
+  EXPECT_EQ(fingerprint(cached), fingerprint(trial_));
+}
+
+TEST_F(TrialTest, CacheMakesDamagedFilesAgainAndKeepsOptionsApart) {
+  const auto cache = root_ / "cache-damaged";
+  prepare_trial(*capture_, 0, 1, small_trial(), 0, cache);
+  const std::filesystem::path file = *std::filesystem::directory_iterator(cache);
+  const auto size = std::filesystem::file_size(file);
+  {
+    std::fstream stream(file, std::ios::in | std::ios::out | std::ios::binary);
+    stream.seekp(static_cast<std::streamoff>(size / 2));
+    stream.put('\x55').put('\x2a').put('\x55');
+  }
+  const auto again = prepare_trial(*capture_, 0, 1, small_trial(), 0, cache);
+  for (int i = 0; i < 2; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    EXPECT_TRUE((again->features[k].angles.angle == trial_->features[k].angles.angle).all());
+  }
+  std::filesystem::resize_file(file, size / 3);
+  EXPECT_EQ(prepare_trial(*capture_, 0, 1, small_trial(), 0, cache)->frame_count(), 2);
+  EXPECT_EQ(std::filesystem::file_size(file), size);
+
+  TrialOptions other = small_trial();
+  other.angle_map.mask_threshold *= 2;
+  prepare_trial(*capture_, 0, 1, other, 0, cache);
+  prepare_trial(*capture_, 0, 0, small_trial(), 0, cache);
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(cache), {}), 3);
+}
+
+TEST_F(TrialTest, RejectsBadArguments) {
+  EXPECT_THROW(prepare_trial(*capture_, 0, 5, small_trial()), Error);
+  EXPECT_THROW(prepare_trial(*capture_, -1, 2, small_trial()), Error);
+  EXPECT_THROW(prepare_trial(*capture_, 2, 1, small_trial()), Error);
+  TrialOptions options = small_trial();
+  options.columns = 1;
+  EXPECT_THROW(prepare_trial(*capture_, 0, 1, options), Error);
+  options = small_trial();
+  options.alpha = -1;
+  EXPECT_THROW(prepare_trial(*capture_, 0, 1, options), Error);
+  std::ofstream(root_ / "a file") << "x";
+  EXPECT_THROW(prepare_trial(*capture_, 0, 0, small_trial(), 0, root_ / "a file" / "cache"), Error);
+}
+
+TEST_F(TrialTest, ADivergedSimulationIsAnInfiniteErrorAndNoException) {
+  auto broken = std::make_shared<Trial>(*trial_);
+  // Explicit integration within ten evaluations of the forces cannot reach the second frame.
+  broken->options.simulation.integrator = Integrator::runge_kutta;
+  broken->options.simulation.max_force_evaluations = 10;
+  const TrialEvaluation e = evaluate(*broken, test_fabric());
+  EXPECT_TRUE(e.diverged);
+  EXPECT_FALSE(e.divergence.empty());
+  EXPECT_EQ(e.error, std::numeric_limits<double>::infinity());
+  EXPECT_LT(e.frames.size(), 5u);
+  const CaptureEvaluation c = evaluate_capture(*broken, test_fabric(), true);
+  EXPECT_TRUE(c.diverged);
+  EXPECT_EQ(c.fit.error, std::numeric_limits<double>::infinity());
+}
+
+TEST_F(TrialTest, SeveralTrialsWeighTheSame) {
+  const auto one_frame = prepare_trial(*capture_, 0, 0, small_trial());
+  const Problem problem({trial_, one_frame}, test_fabric(), {"bend_stiffness"});
+  const TrialEvaluation a = evaluate(*trial_, test_fabric());
+  const TrialEvaluation b = evaluate(*one_frame, test_fabric());
+  const ProblemEvaluation both = evaluate(problem, test_fabric());
+  EXPECT_DOUBLE_EQ(both.error, 0.5 * a.error_per_mask_pixel + 0.5 * b.error_per_mask_pixel);
+  EXPECT_DOUBLE_EQ(both.error_per_frame, 0.5 * a.error + 0.5 * b.error);
+}
+
+TEST_F(TrialTest, CaptureEvaluationSplitsFitAndValidation) {
+  const CaptureEvaluation e = evaluate_capture(*trial_, test_fabric(), false);
+  ASSERT_EQ(e.frames.size(), 5u);
+  ASSERT_TRUE(e.validation);
+  EXPECT_EQ(e.fit.last, 2);
+  EXPECT_EQ(e.validation->first, 3);
+  EXPECT_NEAR(e.fit.error, (e.frames[0].total + e.frames[1].total + e.frames[2].total) / 3, 1e-9);
+  EXPECT_NEAR(e.validation->fold, (e.frames[3].error.fold + e.frames[4].error.fold) / 2, 1e-9);
+  EXPECT_FALSE(e.fit.distance);
+  EXPECT_FALSE(e.frames[0].distance);
+  const auto fit_only = prepare_trial(*capture_, 0, 2, small_trial());
+  EXPECT_FALSE(evaluate_capture(*fit_only, test_fabric(), false).validation);
+  const auto too_short = prepare_trial(*capture_, 0, 1, small_trial());
+  EXPECT_THROW(evaluate_capture(*too_short, test_fabric(), false), Error);
+}
+
+TEST_F(TrialTest, DistanceToTheTruthIsMeasuredOnlyWhenAskedFor) {
+  const CaptureEvaluation e = evaluate_capture(*trial_, test_fabric(), true);
+  ASSERT_TRUE(e.fit.distance && e.validation->distance);
+  const SurfaceDistance& fit = *e.fit.distance;
+  EXPECT_GT(fit.mean, 0);
+  EXPECT_LE(fit.mean, fit.rms);
+  EXPECT_LE(fit.rms, fit.max);
+  // The same fabric on a coarser mesh: within a few percent of the swatch's 0.3 m.
+  EXPECT_LT(fit.mean, 0.015);
+  double mean = 0;
+  for (int i = 0; i < 3; ++i) mean += e.frames[static_cast<std::size_t>(i)].distance->mean / 3;
+  EXPECT_NEAR(fit.mean, mean, 1e-12);
+}
+
+TEST_F(TrialTest, FittingWorksWithoutTheTruthFiles) {
+  const auto copy = root_ / "without-truth";
+  std::filesystem::copy(root_ / "swatch", copy, std::filesystem::copy_options::recursive);
+  Capture capture = read_capture(copy);
+  ASSERT_TRUE(capture.truth);
+  std::filesystem::remove(capture.truth->points);
+  std::filesystem::remove(capture.truth->rest_mesh);
+  const auto trial = prepare_trial(capture, 0, 2, small_trial());
+  const Problem problem({trial}, test_fabric(), {"bend_stiffness", "stretch_stiffness"});
+  FitOptions options;
+  options.coarse_levels = 2;
+  options.annealing.max_evaluations = 4;
+  options.with_variability = false;
+  EXPECT_NO_THROW(run_fit(problem, options));
+}
+
+TEST_F(TrialTest, AFitRecoversBendFromAnotherMesh) {
+  Fabric wrong = test_fabric();
+  wrong.set("bend_stiffness", 3 * 2e-5);
+  const Problem problem({trial_}, wrong, {"bend_stiffness"});
+  FitOptions options;
+  options.coarse_parameters.clear();
+  options.start = FitOptions::Start::initial;
+  options.annealing.max_evaluations = 25;
+  options.with_variability = false;
+  const FitResult result = run_fit(problem, options);
+  EXPECT_LT(result.final.error, result.start.error);
+  // From 200 % off to within 40 %: 8 quads a side, 160 x 120 px.
+  EXPECT_LT(std::abs(std::log(result.fabric.value("bend_stiffness") / 2e-5)), std::log(1.4));
+  ASSERT_EQ(result.trials.size(), 1u);
+  EXPECT_EQ(result.trials[0].frames.size(), 5u);
+}
+
+TEST_F(TrialTest, CrossEvaluationIsTheErrorOfEachPair) {
+  Fabric stiff = test_fabric();
+  stiff.set("bend_stiffness", 8e-4);
+  const auto first = prepare_trial(*capture_, 0, 0, small_trial());
+  const CrossEvaluation cross = cross_evaluate({test_fabric(), stiff}, {trial_, first}, 2);
+  ASSERT_EQ(cross.error.rows(), 2);
+  ASSERT_EQ(cross.error.cols(), 2);
+  EXPECT_EQ(cross.error(1, 0), evaluate(*trial_, stiff).error);
+  EXPECT_EQ(cross.error(0, 1), evaluate(*first, test_fabric()).error);
+  EXPECT_LT(cross.error(0, 0), cross.error(1, 0));
+}
+
+TEST_F(TrialTest, OfTwoFitsTheOneWithTheSmallerSumIsKept) {
+  const auto first = prepare_trial(*capture_, 0, 0, small_trial());
+  FitOptions options;
+  options.coarse_parameters = {"bend_stiffness"};
+  options.annealing.max_evaluations = 5;
+  options.with_variability = false;
+  const TrialSelection s =
+      fit_and_select({first, trial_}, test_fabric(), {"bend_stiffness"}, options);
+  ASSERT_EQ(s.fits.size(), 2u);
+  ASSERT_EQ(s.sum.size(), 2);
+  EXPECT_NEAR(s.sum[0], s.cross.error(0, 0) + s.cross.error(0, 1), 1e-12);
+  EXPECT_EQ(s.selected, s.sum[1] < s.sum[0] ? 1 : 0);
+}
+
+}  // namespace
+}  // namespace weft
