@@ -160,6 +160,10 @@ LinePlot search_plot(const std::vector<ReportHistoryPoint>& history) {
   plot.y.logarithmic = spans_decades(history);
   plot.y.from_zero = !plot.y.logarithmic;
   plot.height = 320;
+  if (!history.empty()) {
+    plot.x.lower = 0;
+    plot.x.upper = static_cast<double>(history.back().evaluation) + 1;
+  }
   int colour = 1;
   for (std::size_t i = 0; i < history.size(); ++i) {
     const std::string& phase = history[i].phase;
@@ -198,8 +202,8 @@ LinePlot temperature_plot(const std::vector<ReportHistoryPoint>& history) {
               point.temperature > 0 ? point.temperature : kGap);
   }
   if (!history.empty()) {
-    plot.x.lower = static_cast<double>(history.front().evaluation) - 0.5;
-    plot.x.upper = static_cast<double>(history.back().evaluation) + 0.5;
+    plot.x.lower = 0;
+    plot.x.upper = static_cast<double>(history.back().evaluation) + 1;
   }
   return plot;
 }

@@ -45,11 +45,6 @@ std::uint8_t srgb(float linear) {
   return static_cast<std::uint8_t>(std::lround(255 * s));
 }
 
-/// Twilight's colour for an orientation; 0 in its middle.
-Rgb angle_colour(float angle) {
-  return colour_at(ColourMap::twilight, angle / std::numbers::pi + 0.5);
-}
-
 cv::Mat to_bgr(const Picture& picture) {
   const cv::Mat rgb(picture.height, picture.width, CV_8UC3,
                     const_cast<std::uint8_t*>(picture.rgb.data()));
@@ -111,6 +106,19 @@ int frame_of(const std::string& stem, std::string_view kind) {
 
 }  // namespace
 
+Rgb angle_colour(double angle) {
+  // asinh keeps the map cyclic (odd, and one at one) and raises the contrast 12 / asinh(12) times
+  // at 0.
+  constexpr double kGain = 12;
+  const double s = 2 * angle / std::numbers::pi;
+  return colour_at(ColourMap::twilight, 0.5 + 0.5 * std::asinh(kGain * s) / std::asinh(kGain));
+}
+
+Rgb difference_colour(double difference) {
+  // Zero stands out from the ground: the map is entered above its black.
+  return colour_at(ColourMap::inferno, 0.08 + 0.92 * std::abs(difference) / full_difference);
+}
+
 Picture intensity_picture(const Image& linear) {
   return paint(linear.rows(), linear.cols(), [&](Eigen::Index i, Eigen::Index j) {
     const std::uint8_t grey = srgb(linear(i, j));
@@ -129,14 +137,12 @@ Picture mask_picture(const Mask& mask) {
                [&](Eigen::Index i, Eigen::Index j) { return mask(i, j) ? kLight : kOutside; });
 }
 
-Picture fold_difference_picture(const FrameFeatures& measured, const AngleMap& simulated,
-                                double full_scale) {
+Picture fold_difference_picture(const FrameFeatures& measured, const AngleMap& simulated) {
   const AngleMap& map = measured.angles;
   return paint(map.angle.rows(), map.angle.cols(), [&](Eigen::Index i, Eigen::Index j) {
     if (measured.fold_mask(i, j) && map.valid(i, j) && simulated.valid(i, j)) {
       const float difference = orientation_difference(map.angle(i, j), simulated.angle(i, j));
-      // Zero stands out from the ground: the map starts at its darkest blue, not at black.
-      return colour_at(ColourMap::inferno, 0.08 + 0.92 * std::abs(difference) / full_scale);
+      return difference_colour(difference);
     }
     return measured.silhouette(i, j) ? kCloth : kOutside;
   });

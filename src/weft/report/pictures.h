@@ -6,6 +6,7 @@
 
 #include "weft/base/types.h"
 #include "weft/objective/fold_metric.h"
+#include "weft/report/colour_map.h"
 
 namespace weft {
 
@@ -17,16 +18,21 @@ struct Picture {
 
 /// Intensity in linear light, 0 to 1, with the sRGB curve put on.
 Picture intensity_picture(const Image& linear);
-/// Orientation by the cyclic map `twilight`: along the rows (0) lightest, across them (pi/2)
-/// darkest; pixels without an angle are grey.
+/// The colour of an orientation, rad, modulo pi: the cyclic map `twilight`, 0 lightest, pi/2
+/// darkest, with more of its colours spent on small angles, where stripes on cloth mostly lie.
+Rgb angle_colour(double angle);
+/// Orientation by angle_colour; pixels without an angle are grey.
 Picture angle_picture(const AngleMap& map);
 /// 1 light, 0 dark.
 Picture mask_picture(const Mask& mask);
-/// Where the folds disagree: |angle difference| from 0 (black) to `full_scale` (bright), rad, where
-/// `measured.fold_mask` is 1 and both angles are valid: what equation 5 squares and sums. The rest
-/// of the measured cloth is dark grey, what lies outside darker still.
-Picture fold_difference_picture(const FrameFeatures& measured, const AngleMap& simulated,
-                                double full_scale = 0.8);
+/// The colour of a difference of orientations, rad: from 0 (dark violet) to `full_difference` and
+/// more (light yellow).
+inline constexpr double full_difference = 0.349;  ///< rad, 20 degrees
+Rgb difference_colour(double difference);
+/// Where the folds disagree: |angle difference| where `measured.fold_mask` is 1 and both angles are
+/// valid: what equation 5 squares and sums. The rest of the measured cloth is grey, what lies
+/// outside darker.
+Picture fold_difference_picture(const FrameFeatures& measured, const AngleMap& simulated);
 /// Where the silhouettes disagree (equation 6): both light grey, only measured orange, only
 /// simulated blue, neither dark.
 Picture silhouette_picture(const Mask& measured, const Mask& simulated);

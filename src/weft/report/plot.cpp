@@ -109,7 +109,7 @@ void set_ticks(Scale& scale, const PlotAxis& axis, double length, double spacing
     }
     return;
   }
-  const int most = std::max(2, static_cast<int>(length / spacing));
+  const int most = std::max(3, static_cast<int>(length / spacing));
   scale.ticks = axis.logarithmic ? log_ticks(scale.lower, scale.upper, most)
                                  : linear_ticks(scale.lower, scale.upper, most, axis.integers);
 }
@@ -326,6 +326,7 @@ std::string coordinate_text(const PlotAxis& axis, double value) {
 void draw_points(Svg& svg, const PlotSeries& series, const LinePlot& plot, const Frame& frame,
                  const Scale& x, const Scale& y, int colour) {
   const bool many = series.x.size() > kTooltipMarks;
+  const double radius = series.x.size() > 60 ? 2.1 : 3.2;
   std::set<std::pair<long, long>> taken;
   std::string dots;
   for (std::size_t i = 0; i < series.x.size(); ++i) {
@@ -347,12 +348,12 @@ void draw_points(Svg& svg, const PlotSeries& series, const LinePlot& plot, const
       continue;
     }
     draw_mark(
-        svg, at_x, at_y, colour, 3.2,
+        svg, at_x, at_y, colour, radius,
         fmt::format("{}{}: {}", series.name.empty() ? "" : series.name + ", ",
                     coordinate_text(plot.x, series.x[i]), value_with_unit(plot.y, series.y[i])));
   }
   if (!dots.empty()) {
-    svg.path(dots, fmt::format("class=\"dots s{} stroke\" stroke=\"{}\" stroke-width=\"3.2\" "
+    svg.path(dots, fmt::format("class=\"dots s{} stroke\" stroke=\"{}\" stroke-width=\"2.8\" "
                                "stroke-linecap=\"round\" stroke-opacity=\"0.75\" fill=\"none\"",
                                colour, hex(palette(colour))));
   }
@@ -447,8 +448,6 @@ void draw_notes(Svg& svg, const LinePlot& plot, const Frame& frame, const Scale&
   }
 }
 
-std::string quoted(const std::string& text) { return "\"" + escape_xml(text) + "\""; }
-
 /// What a script needs to place a cursor: the frame in px and the range of x.
 std::string root_attributes(const Frame& frame, const Scale& x) {
   return fmt::format(
@@ -525,10 +524,10 @@ std::string to_svg(const LinePlot& plot, std::string_view id) {
   Frame frame;
   frame.top = legend_top + legend_height + kLabelSize + 12;
   frame.bottom = std::max(frame.top + 60, plot.height - kTickSize - kLabelSize - 16.0);
-  set_ticks(y, plot.y, frame.bottom - frame.top, 48);
+  set_ticks(y, plot.y, frame.bottom - frame.top, plot.y.logarithmic ? 30 : 36);
   frame.left = std::max(24.0, widest(y.ticks.labels) + 8);
   frame.right = plot.width - 14;
-  set_ticks(x, plot.x, frame.right - frame.left, plot.x.logarithmic ? 60 : 80);
+  set_ticks(x, plot.x, frame.right - frame.left, 60);
   x.from = frame.left, x.to = frame.right;
   y.from = frame.bottom, y.to = frame.top;
 
@@ -582,7 +581,7 @@ std::string to_svg(const BarChart& chart, std::string_view id) {
   frame.left = widest(labels) + 12;
   frame.right = std::max(frame.left + 80, chart.width - note_width - 14);
   scale.from = frame.left, scale.to = frame.right;
-  set_ticks(scale, axis, frame.right - frame.left, axis.logarithmic ? 60 : 80);
+  set_ticks(scale, axis, frame.right - frame.left, 60);
 
   Svg svg;
   svg.raw("<defs>" + hatch(id) + "</defs>\n");
@@ -725,12 +724,12 @@ std::string to_svg(const HeatMap& map, std::string_view id) {
   Frame frame;
   frame.top = legend_top + legend_height + kLabelSize + 12;
   frame.bottom = std::max(frame.top + 60, map.height - kTickSize - kLabelSize - 16.0);
-  set_ticks(y, map.y_axis, frame.bottom - frame.top, 48);
+  set_ticks(y, map.y_axis, frame.bottom - frame.top, 36);
   set_ticks(colour, colour_axis, frame.bottom - frame.top, 60);
   frame.left = std::max(24.0, widest(y.ticks.labels) + 8);
   frame.right =
       std::max(frame.left + 60, map.width - 18 - 14 - 7 - widest(colour.ticks.labels) - 4);
-  set_ticks(x, map.x_axis, frame.right - frame.left, map.x_axis.logarithmic ? 60 : 80);
+  set_ticks(x, map.x_axis, frame.right - frame.left, 60);
   x.from = frame.left, x.to = frame.right;
   y.from = frame.bottom, y.to = frame.top;
   // A table of categories reads from the top.

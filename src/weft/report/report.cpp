@@ -47,7 +47,7 @@ void warn_of_parameters(const Report& report, std::vector<std::string>& warnings
     const bool upper = p.at_bound == ReportParameter::Bound::upper;
     warnings.push_back(fmt::format(
         "{} ended at the {} end of its range ({}{}): a better value may lie beyond it.", p.name,
-        upper ? "upper" : "lower", format_value(upper ? p.upper : p.lower), bare(p)));
+        upper ? "upper" : "lower", format_short(upper ? p.upper : p.lower), bare(p)));
   }
 }
 

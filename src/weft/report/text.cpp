@@ -98,6 +98,16 @@ std::string format_value(double value, int digits) {
   return with_minus_sign(fmt::format("{:.{}f}", value, std::max(0, digits - 1 - exponent)));
 }
 
+std::string format_short(double value, int digits) {
+  std::string text = format_value(value, digits);
+  const std::size_t end = std::min(text.find("×"), text.size());
+  const std::string_view mantissa = std::string_view(text).substr(0, end);
+  if (mantissa.find('.') == std::string_view::npos) return text;
+  std::size_t kept = mantissa.find_last_not_of('0');
+  if (mantissa[kept] != '.') ++kept;
+  return text.erase(kept, end - kept);
+}
+
 std::string format_unit(std::string_view unit) {
   std::string result;
   for (std::size_t i = 0; i < unit.size(); ++i) {

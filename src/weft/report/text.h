@@ -15,6 +15,9 @@ std::string escape_xml(std::string_view text);
 /// 1e-3 and from 1e6 on, "∞", "−∞" and "not a number" for what is not finite.
 std::string format_value(double value, int digits = 3);
 
+/// The same without zeros at the end of the fraction: "0.5", "2.5×10⁻⁷".
+std::string format_short(double value, int digits = 4);
+
 /// "10⁻³" for -3; "1" for 0.
 std::string power_of_ten(int exponent);
 

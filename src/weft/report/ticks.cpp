@@ -20,13 +20,24 @@ std::string fixed(double value, int decimals) {
   return text;
 }
 
-/// The smallest of 1, 2, 5 times a power of ten that is at least `least`.
-double nice_step(double least) {
-  const double power = std::pow(10.0, std::floor(std::log10(least)));
-  for (const double factor : {1.0, 2.0, 5.0}) {
-    if (factor * power >= least * (1 - kSlack)) return factor * power;
+struct Step {
+  double size = 1;
+  int decimals = 0;  ///< that its multiples have
+};
+
+/// The smallest of 1, 2, 2.5, 5 times a power of ten that is at least `least`; a whole number if
+/// asked.
+Step nice_step(double least, bool integers) {
+  if (integers) least = std::max(1.0, least);
+  const int exponent = static_cast<int>(std::floor(std::log10(least)));
+  for (const int power : {exponent, exponent + 1}) {
+    for (const double factor : {1.0, 2.0, 2.5, 5.0}) {
+      const Step step{factor * std::pow(10.0, power), (factor == 2.5 ? 1 : 0) - power};
+      if (step.size < least * (1 - kSlack) || (integers && step.decimals > 0)) continue;
+      return step;
+    }
   }
-  return 10 * power;
+  return {std::pow(10.0, exponent + 2), -exponent - 2};
 }
 
 /// A label on a logarithmic axis: mantissa (1 to 9) times ten to `exponent`.
@@ -41,15 +52,14 @@ std::string log_label(int mantissa, int exponent, bool plain) {
 Ticks linear_ticks(double lower, double upper, int most, bool integers) {
   Ticks ticks;
   if (!(lower < upper) || !std::isfinite(upper - lower)) return ticks;
-  double step = nice_step((upper - lower) / std::max(1, most));
-  if (integers) step = std::max(1.0, step);
+  const auto [step, step_decimals] = nice_step((upper - lower) / std::max(1, most), integers);
   const double largest = std::max(std::abs(lower), std::abs(upper));
   const int magnitude = static_cast<int>(std::floor(std::log10(largest)));
   if (magnitude >= 5 || magnitude <= -3) {
     ticks.exponent = 3 * static_cast<int>(std::floor(magnitude / 3.0));
   }
   const double unit = std::pow(10.0, ticks.exponent);
-  const int decimals = std::max(0, -static_cast<int>(std::floor(std::log10(step / unit) + kSlack)));
+  const int decimals = std::max(0, step_decimals + ticks.exponent);
   const double first = std::ceil(lower / step - kSlack);
   const double last = std::floor(upper / step + kSlack);
   for (double k = first; k <= last; ++k) {

@@ -1,0 +1,648 @@
+#include "weft/report/report_html.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "weft/base/error.h"
+#include "weft/report/colour_map.h"
+#include "weft/report/figures.h"
+#include "weft/report/report_assets.h"
+#include "weft/report/text.h"
+
+namespace weft {
+namespace {
+
+constexpr int kPlotWidth = 570;
+constexpr int kSmallPlotWidth = 360;
+constexpr double kMillimetres = 1000;
+
+std::string escaped(std::string_view text) { return escape_xml(text); }
+
+std::string in_words(std::string name) {
+  std::ranges::replace(name, '_', ' ');
+  return name;
+}
+
+std::string with_unit(double value, const std::string& unit, int digits = 3) {
+  const std::string printed = format_unit(unit);
+  return format_value(value, digits) + (printed.empty() ? "" : " " + printed);
+}
+
+std::string short_with_unit(double value, const std::string& unit) {
+  return format_short(value) + " " + format_unit(unit);
+}
+
+/// "2026-11-21T08:00:00+00:00" as people write it.
+std::string date_text(std::string created) {
+  if (created.size() > 10 && created[10] == 'T') created[10] = ' ';
+  return created;
+}
+
+std::string percent(double value) {
+  return format_value(value, std::abs(value) < 10 ? 2 : 3) + " %";
+}
+
+std::string millimetres(double metres) { return format_value(kMillimetres * metres, 3) + " mm"; }
+
+std::string data_uri(const EncodedPicture& picture) {
+  return "data:" + picture.mime + ";base64," + base64(picture.bytes);
+}
+
+/// A cell that names its column, which narrow screens show.
+std::string cell(std::string_view name, std::string_view markup, std::string_view classes = {}) {
+  return fmt::format("<td{} data-name=\"{}\">{}</td>",
+                     classes.empty() ? "" : fmt::format(" class=\"{}\"", classes), escaped(name),
+                     markup);
+}
+
+// ---- Plots inside the page
+
+/// Numbers the plots of one page, so that ids and file names differ.
+struct PlotPlacer {
+  int count = 0;
+
+  /// `along`: "frame" or "time" where a viewer's cursor runs along the x axis.
+  template <typename Plot>
+  std::string operator()(const Plot& plot, std::string_view caption, std::string_view along = {}) {
+    const std::string id = fmt::format("plot-{}", ++count);
+    std::string svg = to_svg(plot, id);
+    // Inside HTML the name space is understood, and the page stays free of addresses.
+    constexpr std::string_view kNameSpace = " xmlns=\"http://www.w3.org/2000/svg\"";
+    if (const auto at = svg.find(kNameSpace); at != std::string::npos) {
+      svg.erase(at, kNameSpace.size());
+    }
+    const std::string csv = to_csv(plot);
+    const std::vector<std::uint8_t> bytes(csv.begin(), csv.end());
+    return fmt::format(
+        "<figure class=\"plot\"{}><div class=\"scroll\">{}</div><figcaption>{} "
+        "<a class=\"data\" download=\"{}.csv\" href=\"data:text/csv;charset=utf-8;base64,{}\">"
+        "Data (CSV)</a></figcaption></figure>\n",
+        along.empty() ? "" : fmt::format(" data-along=\"{}\"", along), svg, escaped(caption), id,
+        base64(bytes));
+  }
+};
+
+// ---- Head of the page
+
+std::string tile(std::string_view name, std::string_view number, std::string_view detail) {
+  return fmt::format(
+      "<div class=\"tile\"><div class=\"name\">{}</div><div class=\"number\">{}</div>"
+      "<div class=\"detail\">{}</div></div>\n",
+      escaped(name), escaped(number), escaped(detail));
+}
+
+std::string error_tile(const Report& report) {
+  std::string detail = "at the start " + format_value(report.error_initial);
+  if (std::isfinite(report.error) && std::isfinite(report.error_initial) &&
+      report.error_initial > 0) {
+    detail += fmt::format(", {} of it left", percent(100 * report.error / report.error_initial));
+  }
+  return tile("Error", format_value(report.error), detail);
+}
+
+std::string parameters_tile(const Report& report) {
+  std::size_t free = 0, sound = 0, examined = 0;
+  for (const ReportParameter& p : report.parameters) {
+    if (!p.free) continue;
+    ++free;
+    if (p.variability_percent || !p.determined) ++examined;
+    if (p.determined && p.at_bound == ReportParameter::Bound::none) ++sound;
+  }
+  if (examined == 0)
+    return tile("Parameters", fmt::format("{} fitted", free), "variability not computed");
+  return tile("Parameters", fmt::format("{} of {}", sound, free),
+              "determined, and inside their range");
+}
+
+std::string distance_tile(const Report& report) {
+  double sum = 0;
+  std::size_t frames = 0;
+  for (const bool validation : {false, true}) {
+    if (frames > 0) break;
+    for (const ReportCapture& capture : report.captures) {
+      const auto means = report_means(capture, validation);
+      if (!means || !means->distance) continue;
+      sum += means->distance->mean * static_cast<double>(means->frames);
+      frames += means->frames;
+    }
+  }
+  if (frames == 0) return "";
+  return tile("Mean distance to the truth", millimetres(sum / static_cast<double>(frames)),
+              fmt::format("over {} fit frames", frames));
+}
+
+std::string head(const Report& report) {
+  std::string subtitle;
+  for (const std::string& part : {report.fabric, report.model, date_text(report.created)}) {
+    if (!part.empty()) subtitle += (subtitle.empty() ? "" : " · ") + escaped(part);
+  }
+  std::string html = fmt::format(
+      "<header class=\"page\">\n<div class=\"brand\">weft {}</div>\n<h1>{}</h1>\n"
+      "<p class=\"subtitle\">{}</p>\n",
+      escaped(report.program_version), escaped(report.title), subtitle);
+  const auto warnings = report_warnings(report);
+  if (warnings.empty()) {
+    html +=
+        "<p class=\"quiet\" id=\"warnings\">No warnings: the error fell, every fitted parameter is "
+        "determined and inside its range.</p>\n";
+  } else {
+    html +=
+        "<section class=\"warnings\" id=\"warnings\"><h2>Before you use these numbers</h2><ul>\n";
+    for (const std::string& warning : warnings) html += "<li>" + escaped(warning) + "</li>\n";
+    html += "</ul></section>\n";
+  }
+  html += "<div class=\"tiles\">\n" + error_tile(report) + parameters_tile(report) +
+          distance_tile(report) +
+          tile("Search", fmt::format("{} evaluations", report.evaluations),
+               "in " + format_duration(report.wall_s)) +
+          "</div>\n";
+  return html;
+}
+
+// ---- What was measured
+
+std::size_t count_frames(const ReportCapture& capture, bool validation) {
+  return static_cast<std::size_t>(
+      std::ranges::count(capture.frames, validation, &ReportFrame::validation));
+}
+
+std::string measured_section(const Report& report) {
+  if (report.captures.empty()) return "";
+  std::string html =
+      "<section id=\"measured\"><h2>What was measured</h2>\n<table><thead><tr><th>Capture</th>"
+      "<th>Swatch</th><th>Areal density</th><th>Video</th><th>Fit frames</th><th>Validation "
+      "frames</th>"
+      "<th>Simulated as</th><th>Motion starts from</th></tr></thead><tbody>\n";
+  for (const ReportCapture& c : report.captures) {
+    const std::size_t validation = count_frames(c, true);
+    html += "<tr>";
+    html += cell("Capture",
+                 fmt::format("<b>{}</b><div class=\"minor\">{}</div>", escaped(c.name),
+                             escaped(c.description)),
+                 "lead");
+    html += cell("Swatch",
+                 fmt::format("{} × {}", format_short(c.width), short_with_unit(c.height, "m")));
+    html += cell("Areal density", short_with_unit(c.areal_density, "kg/m^2"));
+    html += cell("Video",
+                 fmt::format("{} at {}", c.frame_count, short_with_unit(c.frame_rate, "frames/s")));
+    html += cell("Fit frames", fmt::format("{} to {}", c.fit_first, c.fit_last));
+    html += cell("Validation frames", validation == 0 ? "none" : std::to_string(validation));
+    html += cell("Simulated as", fmt::format("{} × {} vertices", c.columns, c.rows));
+    html += cell("Motion starts from", escaped(c.start));
+    html += "</tr>\n";
+  }
+  return html + "</tbody></table></section>\n";
+}
+
+// ---- What was found
+
+/// Position in the range, 0 to 1.
+double fraction(const ReportParameter& p, double value) {
+  const auto coordinate = [&](double v) {
+    switch (p.scale) {
+      case ReportParameter::Scale::logarithmic:
+        return std::log(std::max(v, 1e-300));
+      case ReportParameter::Scale::shifted_logarithmic:
+        return std::log1p(std::max(v, 0.0) / 0.1);
+      case ReportParameter::Scale::linear:
+        break;
+    }
+    return v;
+  };
+  const double lower = coordinate(p.lower), upper = coordinate(p.upper);
+  const double t = (coordinate(value) - lower) / (upper - lower);
+  return std::isfinite(t) ? std::clamp(t, 0.0, 1.0) : 0.0;
+}
+
+std::string range_bar(const ReportParameter& p) {
+  std::string bar;
+  if (p.free && p.determined && p.variability_percent && std::isfinite(*p.variability_percent)) {
+    const double change = *p.variability_percent / 100 * std::abs(p.value);
+    const double left = fraction(p, p.value - change), right = fraction(p, p.value + change);
+    bar += fmt::format("<span class=\"interval\" style=\"left:{:.2f}%;width:{:.2f}%\"></span>",
+                       100 * left, 100 * (right - left));
+  }
+  if (p.free) {
+    bar += fmt::format("<span class=\"start\" style=\"left:{:.2f}%\" title=\"start: {}\"></span>",
+                       100 * fraction(p, p.initial), escaped(with_unit(p.initial, p.unit)));
+  }
+  bar += fmt::format("<span class=\"estimate\" style=\"left:{:.2f}%\" title=\"{}\"></span>",
+                     100 * fraction(p, p.value), escaped(with_unit(p.value, p.unit, 5)));
+  return fmt::format(
+      "<div class=\"track\">{}</div><div class=\"ends\"><span>{}</span><span>{}</span></div>", bar,
+      format_short(p.lower), format_short(p.upper));
+}
+
+std::string status(const ReportParameter& p) {
+  if (!p.free) return "<span class=\"status held\">held</span>";
+  std::string text;
+  if (!p.determined) text = "not determined";
+  if (p.at_bound != ReportParameter::Bound::none) {
+    text += (text.empty() ? "" : ", ");
+    text += p.at_bound == ReportParameter::Bound::upper ? "at upper end" : "at lower end";
+  }
+  if (!text.empty()) return fmt::format("<span class=\"status warn\">▲ {}</span>", text);
+  if (!p.variability_percent) return "<span class=\"status held\">not examined</span>";
+  return "<span class=\"status fine\">determined</span>";
+}
+
+std::string variability_text(const ReportParameter& p) {
+  if (!p.free || !p.variability_percent) return "–";
+  if (!p.determined || !std::isfinite(*p.variability_percent)) return "unbounded";
+  return "± " + format_value(*p.variability_percent, 2) + " %";
+}
+
+std::string found_section(const Report& report) {
+  if (report.parameters.empty()) return "";
+  std::string html =
+      "<section id=\"found\"><h2>What was found</h2>\n<table><thead><tr><th>Parameter</th>"
+      "<th class=\"n\">Value</th><th class=\"n\">Variability</th><th>Unit</th><th>Range "
+      "searched</th>"
+      "<th></th></tr></thead><tbody>\n";
+  for (const ReportParameter& p : report.parameters) {
+    const bool weak = !p.free || !p.determined;
+    html += fmt::format("<tr class=\"parameter{}\">", weak ? " weak" : "");
+    html += cell("Parameter",
+                 fmt::format("<b>{}</b><div class=\"minor\">{}</div>", escaped(in_words(p.name)),
+                             escaped(p.meaning)),
+                 "lead");
+    html += cell("Value", "<span class=\"value\">" + format_value(p.value) + "</span>", "n");
+    html += cell("Variability", variability_text(p), "n");
+    html += cell("Unit", escaped(format_unit(p.unit)));
+    html += cell("Range searched", range_bar(p), "range");
+    html += cell("", status(p));
+    html += "</tr>\n";
+  }
+  html +=
+      "</tbody></table>\n<p class=\"minor\" style=\"margin-top:10px\">Variability is the change of "
+      "the "
+      "parameter that raises the error by 1 %: the smaller, the better the data determine it. In "
+      "the "
+      "bars, the dot is the estimate, the shade its variability, the tick where the search "
+      "started.</p></section>\n";
+  return html;
+}
+
+// ---- How well it matches
+
+/// A bar of colours at equal steps of t from 0 to 1.
+template <typename ColourOf>
+std::string gradient(ColourOf&& colour_of) {
+  constexpr int kStops = 24;
+  std::string stops;
+  for (int i = 0; i <= kStops; ++i) {
+    if (i > 0) stops += ',';
+    stops += hex(colour_of(static_cast<double>(i) / kStops));
+  }
+  return fmt::format("linear-gradient(90deg,{})", stops);
+}
+std::string angle_gradient() {
+  return gradient([](double t) { return angle_colour((t - 0.5) * std::numbers::pi); });
+}
+std::string difference_gradient() {
+  return gradient([](double t) { return difference_colour(t * full_difference); });
+}
+
+std::string swatch(const char* colour, std::string_view label) {
+  return fmt::format(
+      "<span class=\"key\"><span class=\"swatch\" style=\"background:{}\"></span>{}</span>", colour,
+      label);
+}
+
+std::string panel(std::string_view kind, std::string_view title, std::string_view key,
+                  const EncodedPicture& size) {
+  return fmt::format(
+      "<figure class=\"panel {0}\" style=\"grid-area:{0}\"><img alt=\"{1}\" width=\"{2}\" "
+      "height=\"{3}\" decoding=\"sync\"><figcaption><span>{1}</span>{4}</figcaption></figure>\n",
+      kind, title, size.width, size.height, key);
+}
+
+const ReportFrame* find_frame(const ReportCapture& capture, int index) {
+  const auto found = std::ranges::find(capture.frames, index, &ReportFrame::index);
+  return found == capture.frames.end() ? nullptr : &*found;
+}
+
+double time_of(const ReportCapture& capture, int index) {
+  if (const ReportFrame* frame = find_frame(capture, index)) return frame->time;
+  return capture.frame_rate > 0 ? index / capture.frame_rate : 0;
+}
+
+/// The line under the pictures; markup.
+std::string readout(const ReportCapture& capture, int index) {
+  std::string text = fmt::format("<span>frame <b>{}</b></span><span><b>{:.3f}</b> s</span>", index,
+                                 time_of(capture, index));
+  const ReportFrame* frame = find_frame(capture, index);
+  if (frame == nullptr) return text;
+  text += fmt::format(
+      "<span>{}</span><span>error <b>{}</b></span><span>fold {} rad²</span>"
+      "<span>silhouette {} px</span>",
+      frame->validation ? "validation" : "fit", format_value(frame->error),
+      format_value(frame->fold), format_value(frame->silhouette));
+  if (frame->distance) {
+    text += fmt::format("<span>distance mean <b>{}</b>, largest {}</span>",
+                        millimetres(frame->distance->mean), millimetres(frame->distance->max));
+  }
+  return text;
+}
+
+/// JSON that may stand inside a script element.
+std::string script_json(const nlohmann::json& json) {
+  std::string text = json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at + 6)) {
+    text.replace(at, 1, "\\u003c");
+  }
+  return text;
+}
+
+std::string viewer_data(const ReportCapture& capture, const CapturePictures& pictures) {
+  nlohmann::json json;
+  json["rate"] = capture.frame_rate > 0 ? capture.frame_rate : 30.0;
+  const auto collect = [&](const char* key, EncodedPicture FramePictures::*member) {
+    for (const FramePictures& frame : pictures.frames) json[key].push_back(data_uri(frame.*member));
+  };
+  collect("measured", &FramePictures::measured);
+  collect("simulated", &FramePictures::simulated);
+  collect("silhouettes", &FramePictures::silhouettes);
+  collect("measured_angles", &FramePictures::measured_angles);
+  collect("simulated_angles", &FramePictures::simulated_angles);
+  collect("difference", &FramePictures::difference);
+  for (const FramePictures& frame : pictures.frames) {
+    json["frames"].push_back(frame.frame);
+    json["times"].push_back(time_of(capture, frame.frame));
+    json["readouts"].push_back(readout(capture, frame.frame));
+  }
+  return script_json(json);
+}
+
+std::string viewer(const ReportCapture& capture, const CapturePictures& pictures) {
+  const FramePictures& first = pictures.frames.front();
+  const std::string angle_key = fmt::format(
+      "<span class=\"key\">−90° <span class=\"scale\" style=\"background:{}\"></span> 90°</span>",
+      angle_gradient());
+  const std::string difference_key = fmt::format(
+      "<span class=\"key\">0° <span class=\"scale\" style=\"background:{}\"></span> 20°</span>",
+      difference_gradient());
+  std::string html = "<div class=\"viewer\" tabindex=\"0\" aria-label=\"Frames side by side\">\n";
+  html += "<script type=\"application/json\">" + viewer_data(capture, pictures) + "</script>\n";
+  html += "<div class=\"panels\">\n";
+  html += panel("measured", "Measured", "", first.measured);
+  html += panel("simulated", "Simulated", "", first.simulated);
+  html += panel("silhouettes", "Silhouettes",
+                swatch("#e69f00", "only measured") + swatch("#56b4e9", "only simulated"),
+                first.silhouettes);
+  html += panel("measured_angles", "Stripe angle, measured", angle_key, first.measured_angles);
+  html += panel("simulated_angles", "Stripe angle, simulated", angle_key, first.simulated_angles);
+  html += panel("difference", "Difference at folds", difference_key, first.difference);
+  html += fmt::format(
+      "</div>\n<div class=\"controls\"><button type=\"button\" class=\"play\">▶ Play</button>"
+      "<input type=\"range\" min=\"0\" max=\"{}\" value=\"0\" step=\"1\" aria-label=\"Frame\">"
+      "<select aria-label=\"Speed\"><option value=\"1\">1×</option><option "
+      "value=\"0.5\">½×</option>"
+      "<option value=\"0.25\" selected>¼×</option><option "
+      "value=\"0.1\">⅒×</option></select></div>\n"
+      "<div class=\"readout\">{}</div>\n"
+      "<p class=\"hint\">Arrow keys step through the frames; click a plot below to go to its "
+      "frame.</p>\n"
+      "<noscript><p class=\"hint\">The pictures need scripts to be allowed.</p></noscript></div>\n",
+      pictures.frames.size() - 1, readout(capture, first.frame));
+  return html;
+}
+
+std::string means_row(const char* kind, const std::optional<ReportMeans>& means, bool distances) {
+  if (!means) return "";
+  std::string html = "<tr>" + cell("", fmt::format("<b>{}</b>", kind), "lead");
+  html += cell("Frames", std::to_string(means->frames), "n");
+  html += cell("Error", format_value(means->error), "n");
+  html += cell("Fold (rad²)", format_value(means->fold), "n");
+  html += cell("Silhouette (px)", format_value(means->silhouette), "n");
+  if (distances) {
+    const auto& d = means->distance;
+    html += cell("Distance, mean", d ? millimetres(d->mean) : "–", "n");
+    html += cell("rms", d ? millimetres(d->rms) : "–", "n");
+    html += cell("largest", d ? millimetres(d->max) : "–", "n");
+  }
+  return html + "</tr>\n";
+}
+
+std::string means_table(const ReportCapture& capture) {
+  const auto fit = report_means(capture, false), validation = report_means(capture, true);
+  const bool distances = (fit && fit->distance) || (validation && validation->distance);
+  return fmt::format(
+      "<table><thead><tr><th></th><th class=\"n\">Frames</th><th class=\"n\">Error</th>"
+      "<th class=\"n\">Fold (rad²)</th><th class=\"n\">Silhouette "
+      "(px)</th>{}</tr></thead><tbody>\n{}{}"
+      "</tbody></table>\n",
+      distances ? "<th class=\"n\">Distance, mean</th><th class=\"n\">rms</th>"
+                  "<th class=\"n\">largest</th>"
+                : "",
+      means_row("Fit frames", fit, distances),
+      means_row("Validation frames", validation, distances));
+}
+
+std::string match_of(const ReportCapture& capture, const CapturePictures* pictures,
+                     PlotPlacer& place) {
+  std::string html = fmt::format("<div class=\"capture\"><h3>{}</h3>\n", escaped(capture.name));
+  if (!capture.frames.empty()) html += means_table(capture);
+  if (pictures != nullptr && !pictures->frames.empty()) html += viewer(capture, *pictures);
+  if (!capture.frames.empty()) {
+    html += "<div class=\"figures\">\n";
+    LinePlot error = error_parts_plot(capture);
+    error.width = kPlotWidth;
+    html +=
+        place(error,
+              "Error of each frame (equation 8 of Bhat et al. 2003): squared angle differences at "
+              "folds, plus weighted silhouette pixels that differ.",
+              "frame");
+    LinePlot distance = distance_plot(capture);
+    if (!distance.series.front().x.empty()) {
+      distance.width = kPlotWidth;
+      html +=
+          place(distance,
+                "Distance between simulated and true surface at the same point of the fabric. The "
+                "fit never saw the true surface.",
+                "time");
+    }
+    html += "</div>\n";
+  }
+  return html + "</div>\n";
+}
+
+std::string match_section(const Report& report, const std::vector<CapturePictures>& pictures,
+                          PlotPlacer& place) {
+  if (report.captures.empty()) return "";
+  std::string html = "<section id=\"match\"><h2>How well it matches</h2>\n";
+  for (const ReportCapture& capture : report.captures) {
+    const auto found = std::ranges::find(pictures, capture.name, &CapturePictures::capture);
+    html += match_of(capture, found == pictures.end() ? nullptr : &*found, place);
+  }
+  return html + "</section>\n";
+}
+
+// ---- How sure
+
+std::string sure_section(const Report& report, PlotPlacer& place) {
+  BarChart chart = variability_chart(report.parameters);
+  if (chart.bars.empty() && report.perturbations.empty() && report.surfaces.empty()) return "";
+  std::string html = "<section id=\"sure\"><h2>How sure</h2>\n<div class=\"figures\">\n";
+  if (!chart.bars.empty()) {
+    chart.width = kPlotWidth;
+    html +=
+        place(chart,
+              "A short bar means that a small change of the parameter is noticed in the error. A "
+              "hatched one that the data say nothing about it.");
+  }
+  for (const ReportSurface& surface : report.surfaces) {
+    HeatMap map = surface_map(surface);
+    map.width = kPlotWidth;
+    map.height = 420;
+    html += place(map, fmt::format("The other parameters as estimated{}.",
+                                   surface.capture.empty() ? "" : ", capture " + surface.capture));
+  }
+  html += "</div>\n";
+  if (!report.perturbations.empty()) {
+    html +=
+        "<h3>Perturbation of each parameter</h3>\n<p class=\"minor\">One parameter changed at a "
+        "time "
+        "about the estimate; the quadratic gives the variability.</p>\n"
+        "<div class=\"figures small\">\n";
+    for (const ReportPerturbation& perturbation : report.perturbations) {
+      LinePlot plot = perturbation_plot(perturbation);
+      plot.width = kSmallPlotWidth;
+      html += place(plot, "");
+    }
+    html += "</div>\n";
+  }
+  return html + "</section>\n";
+}
+
+// ---- Progress, matrix
+
+std::string search_section(const Report& report, PlotPlacer& place) {
+  if (report.history.empty()) return "";
+  std::string html =
+      "<section id=\"search\"><h2>Progress of the search</h2>\n<div class=\"figures\">\n";
+  LinePlot errors = search_plot(report.history);
+  errors.width = kPlotWidth;
+  html +=
+      place(errors,
+            "One point an evaluation; triangles at the upper edge are simulations that diverged. "
+            "Phases may compare different numbers of frames, so their errors are not comparable.");
+  const bool cooled = std::ranges::any_of(
+      report.history, [](const ReportHistoryPoint& point) { return point.temperature > 0; });
+  if (cooled) {
+    LinePlot temperature = temperature_plot(report.history);
+    temperature.width = kPlotWidth;
+    html +=
+        place(temperature,
+              "At a high temperature the search accepts worse points often, at a low one hardly.");
+  }
+  return html + "</div></section>\n";
+}
+
+std::string matrix_section(const Report& report, PlotPlacer& place) {
+  if (!report.matrix || report.matrix->error.size() == 0) return "";
+  LinePlot lines = matrix_plot(*report.matrix);
+  HeatMap table = matrix_map(*report.matrix);
+  lines.width = table.width = kPlotWidth;
+  lines.title = table.title = "";
+  return "<section id=\"matrix\"><h2>Fabrics against captures</h2>\n<div class=\"figures\">\n" +
+         place(table,
+               "Error of each fabric's parameters on each capture; the least of each row is "
+               "outlined.") +
+         place(lines, "The same, a line a capture. Each should be lowest at its own fabric.") +
+         "</div></section>\n";
+}
+
+// ---- How it was made
+
+std::string value_text(const ReportValue& value) {
+  if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "yes" : "no";
+  if (const double* number = std::get_if<double>(&value)) return format_short(*number, 6);
+  if (const auto* integer = std::get_if<std::int64_t>(&value)) return std::to_string(*integer);
+  return std::get<std::string>(value);
+}
+
+std::string made_section(const Report& report) {
+  std::string html = "<section id=\"made\"><h2>How it was made</h2>\n";
+  if (!report.command.empty()) html += "<pre>" + escaped(report.command) + "</pre>\n";
+  const auto fact = [&](const char* name, const std::string& text) {
+    return text.empty() ? "" : fmt::format("<dt>{}</dt><dd>{}</dd>\n", name, escaped(text));
+  };
+  html += "<dl class=\"facts\">\n";
+  html += fact("Program", "weft " + report.program_version);
+  html += fact("Made", date_text(report.created));
+  html += fact("Method", report.method);
+  html += fact("Error", report.error_meaning);
+  html += fact("Seed", std::to_string(report.seed));
+  html += fact("Evaluations",
+               fmt::format("{}, of which {} diverged", report.evaluations, report.diverged));
+  html +=
+      fact("Time", format_duration(report.wall_s) +
+                       (report.threads > 0 ? fmt::format(" on {} threads", report.threads) : ""));
+  html += fact("Ended", report.stopped ? "stopped early" : "by itself");
+  html += "</dl>\n";
+  if (!report.settings.empty()) {
+    html += "<h3>Settings</h3>\n<div class=\"columns\"><dl class=\"facts\">\n";
+    for (const auto& [name, value] : report.settings) {
+      html += fmt::format("<div><dt>{}</dt><dd>{}</dd></div>\n", escaped(name),
+                          escaped(value_text(value)));
+    }
+    html += "</dl></div>\n";
+  }
+  return html + "</section>\n";
+}
+
+/// Links to the sections that are there.
+std::string navigation(const std::string& body) {
+  static constexpr std::pair<const char*, const char*> kSections[] = {
+      {"measured", "What was measured"},
+      {"found", "What was found"},
+      {"match", "How well it matches"},
+      {"sure", "How sure"},
+      {"search", "Search"},
+      {"matrix", "Fabrics against captures"},
+      {"made", "How it was made"}};
+  std::string html = "<nav aria-label=\"Sections\">";
+  for (const auto& [id, name] : kSections) {
+    if (body.find(fmt::format("<section id=\"{}\">", id)) == std::string::npos) continue;
+    html += fmt::format("<a href=\"#{}\">{}</a>", id, name);
+  }
+  return html + "</nav>\n";
+}
+
+}  // namespace
+
+std::string report_to_html(const Report& report, const std::vector<CapturePictures>& pictures) {
+  PlotPlacer place;
+  std::string body = measured_section(report) + found_section(report);
+  body += match_section(report, pictures, place);
+  body += sure_section(report, place);
+  body += search_section(report, place);
+  body += matrix_section(report, place);
+  body += made_section(report);
+  return fmt::format(
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+      "<meta name=\"generator\" content=\"weft "
+      "{}\">\n<title>{}</title>\n<style>{}</style>\n</head>\n"
+      "<body>\n{}{}</header>\n<main>\n{}</main>\n<footer class=\"page\">Everything on this page is "
+      "inside this file. The same numbers are in result.json.</footer>\n<script>{}</script>\n"
+      "</body>\n</html>\n",
+      escaped(report.program_version), escaped(report.title), report_css, head(report),
+      navigation(body), body, report_js);
+}
+
+void write_report_html(const std::filesystem::path& path, const Report& report,
+                       const std::vector<CapturePictures>& pictures) {
+  std::ofstream file(path, std::ios::binary);
+  file << report_to_html(report, pictures);
+  file.close();
+  if (!file) throw Error(path.string() + ": cannot be written");
+}
+
+}  // namespace weft
