@@ -26,14 +26,22 @@ using detail::Taps;
 
 constexpr float kPi = std::numbers::pi_v<float>;
 
-/// The last tap stands where the Gaussian is exp(-2.4^2) = 0.3 %. The peak of the response is then
-/// at a period of pi / spacing = 1.31 radius, and half of it at 2.9 radius.
+/// The last tap stands where the Gaussian is exp(-2.4^2) = 0.3 %: 0.4 / px at radius 6. The
+/// response peaks at a period of 7.9 px = pi / 0.4 and has fallen to half at 17 px and to a fifth
+/// at 32 px; with the peak higher up, 13 taps would cut the Gaussian off and bend the angle.
 constexpr double kReach = 2.4;
 /// Period at which G2 and H2 are an exact quadrature pair, of the radius: 17 px for 6 px.
 constexpr double kPeriodPerRadius = 17.0 / 6.0;
-/// Light is divided by its mean over about this many radii plus this fraction of the region's mean.
-constexpr double kMeanSigmaPerRadius = 1.6;
+/// Light is divided by its mean over a Gaussian of this many radii, plus this part of the region's
+/// mean.
+constexpr double kMeanSigmaPerRadius = 1;
 constexpr float kMeanFloor = 0.05f;
+/// The energy of a sinusoid is about 0.8 times its variance; coefficients are divided by the local
+/// energy plus this part of that.
+constexpr float kEnergyOfVariance = 0.8f;
+constexpr float kEnergyFloor = 0.15f;
+/// |(C2, C3)| / C1 of a grating at the design period, averaged over its phase.
+constexpr float kGratingCoherence = 1.21f;
 
 /// atan(y / x) / 2 over the full turn, in (-pi/2, pi/2]. The polynomial is Abramowitz and Stegun
 /// 4.4.49 (|error| <= 2e-8); without branches, so that rows of it vectorize.
@@ -57,6 +65,13 @@ inline float half_atan2(float y, float x) {
   return 0.5f * a;
 }
 
+template <typename T>
+T checked(T value, T lower, T upper, const char* name) {
+  if (value >= lower && value <= upper) return value;
+  throw Error("angle map: " + std::string(name) + " is " + std::to_string(value) +
+              ", must be from " + std::to_string(lower) + " to " + std::to_string(upper));
+}
+
 /// Products of taps with in[x - n step] and in[x + n step], for even and odd rows of taps.
 Pack even_taps(const Taps& taps, const float* in, std::ptrdiff_t step) {
   Pack sum = taps[0] * load(in);
@@ -76,12 +91,12 @@ struct AngleMapper::Impl {
  private:
   void check(const Image& intensity, const Mask& region) const;
   void clear_outputs();
-  void set_weights(const Mask& region);
+  void set_inside(const Mask& region);
   void normalise(const Image& intensity);
   void filter_along_x(int y);
   void combine(int y);
   void finish(int y);
-  void drop_weak();
+  void drop_undefined();
   float* ring(std::size_t factor, int y) {
     return filtered_[factor].row((y + 2 * radius_ + 1) % (2 * radius_ + 1));
   }
@@ -95,49 +110,41 @@ struct AngleMapper::Impl {
   AngleMap map_;
   Box box_;
   // Rows and columns of the box.
-  Plane weight_;               ///< 1 inside the region
-  Plane light_;                ///< relative to the local mean, 0 outside the region
-  Plane blurred2_, blurred3_;  ///< C2 and C3 blurred along x
-  Plane row2_, row3_;          ///< one row of C2 and C3
-  Plane mean_row_;
+  Plane inside_;  ///< 1 inside the region less its rim, else 0
+  Plane light_;   ///< less its local mean, over it; 0 outside
+  float energy_floor_ = 0;
+  std::array<Plane, 3> row_;  ///< one row of C1, C2, C3
+  std::array<Plane, 3>
+      blurred_;  ///< C1, C2, C3 blurred along x; blur radius rows more at both ends
+  Plane coherence_;
   std::array<Plane, 5> filtered_;  ///< the last 2 radius + 1 rows of e, u1, g2, h2, h3 along x
   std::vector<float> sample_;
 };
 
 AngleMapper::Impl::Impl(int width_px, int height_px, const AngleMapOptions& given)
-    : width_(width_px),
-      height_(height_px),
+    : width_(checked(width_px, 1, 1 << 15, "width")),
+      height_(checked(height_px, 1, 1 << 15, "height")),
       options_(given),
-      radius_(int(std::lround(given.kernel_radius))),
-      basis_(detail::make_steerable_basis(std::clamp(radius_, 2, 64), kReach,
-                                          kPeriodPerRadius * std::clamp(radius_, 2, 64))),
-      blur_(detail::gaussian_taps(std::clamp(given.blur_sigma, 0.1, 64.0))),
+      radius_(int(std::lround(checked(given.kernel_radius, 2.0, 64.0, "kernel_radius")))),
+      basis_(detail::make_steerable_basis(radius_, kReach, kPeriodPerRadius * radius_)),
+      blur_(detail::gaussian_taps(checked(given.blur_sigma, 0.1, 64.0, "blur_sigma"))),
       mean_(kMeanSigmaPerRadius * given.kernel_radius) {
-  const auto require = [](double value, double lower, double upper, const char* name) {
-    if (!(value >= lower && value <= upper))
-      throw Error("angle map: " + std::string(name) + " is " + std::to_string(value) +
-                  ", must be from " + std::to_string(lower) + " to " + std::to_string(upper));
-  };
-  require(width_px, 1, 1 << 15, "width");
-  require(height_px, 1, 1 << 15, "height");
-  require(given.kernel_radius, 2, 64, "kernel_radius");
-  require(given.blur_sigma, 0.1, 64, "blur_sigma");
-  require(given.energy_threshold, 0, 1, "energy_threshold");
+  checked(given.energy_threshold, 0.0, 1.0, "energy_threshold");
+  checked(given.coherence_threshold, 0.0, 1.0, "coherence_threshold");
   map_.angle = Image::Zero(height_, width_);
   map_.strength = Image::Zero(height_, width_);
   map_.valid = Mask::Zero(height_, width_);
 }
 
 void AngleMapper::Impl::check(const Image& intensity, const Mask& region) const {
-  const auto size = [](auto rows, auto columns) {
-    return std::to_string(columns) + " x " + std::to_string(rows);
+  const auto require = [&](const auto& plane, const char* name) {
+    if (plane.rows() == height_ && plane.cols() == width_) return;
+    throw Error("angle map: the " + std::string(name) + " is " + std::to_string(plane.cols()) +
+                " x " + std::to_string(plane.rows()) + " px, must be " + std::to_string(width_) +
+                " x " + std::to_string(height_));
   };
-  if (intensity.rows() != height_ || intensity.cols() != width_)
-    throw Error("angle map: image is " + size(intensity.rows(), intensity.cols()) +
-                " px, must be " + size(height_, width_));
-  if (region.size() != 0 && (region.rows() != height_ || region.cols() != width_))
-    throw Error("angle map: region is " + size(region.rows(), region.cols()) + " px, must be " +
-                size(height_, width_));
+  require(intensity, "image");
+  if (region.size() != 0) require(region, "region");
 }
 
 void AngleMapper::Impl::clear_outputs() {
@@ -147,45 +154,66 @@ void AngleMapper::Impl::clear_outputs() {
   map_.valid.block(box_.y0, box_.x0, box_.height(), box_.width()).setZero();
 }
 
-void AngleMapper::Impl::set_weights(const Mask& region) {
-  weight_.resize(box_.height(), box_.width(), 0);
-  for (int y = 0; y < box_.height(); ++y) {
-    float* out = weight_.row(y);
+/// The region less the pixels that touch its outside, which are partly background. The frame's
+/// border is no rim.
+void AngleMapper::Impl::set_inside(const Mask& region) {
+  inside_.resize(box_.height(), box_.width(), 0);
+  for (int i = 0; i < box_.height(); ++i) {
+    float* out = inside_.row(i);
     if (region.size() == 0) {
       std::fill_n(out, box_.width(), 1.0f);
       continue;
     }
-    const std::uint8_t* in = region.data() + (box_.y0 + y) * region.cols() + box_.x0;
-    for (int x = 0; x < box_.width(); ++x) out[x] = in[x] != 0 ? 1.0f : 0.0f;
+    const int y = box_.y0 + i;
+    const std::uint8_t* here = region.data() + y * region.cols();
+    const std::uint8_t* above = y > 0 ? here - region.cols() : here;
+    const std::uint8_t* below = y + 1 < height_ ? here + region.cols() : here;
+    for (int x = box_.x0; x < box_.x1; ++x) {
+      const int left = std::max(x - 1, 0), right = std::min(x + 1, width_ - 1);
+      const bool core = (here[x] != 0) & (above[x] != 0) & (below[x] != 0) & (here[left] != 0) &
+                        (here[right] != 0);
+      out[x - box_.x0] = core ? 1.0f : 0.0f;
+    }
   }
 }
 
+/// Light relative to its local mean: what shading and albedo multiply cancels, and neither the
+/// silhouette nor a shadow's edge is a step between levels that have nothing to do with stripes.
 void AngleMapper::Impl::normalise(const Image& intensity) {
-  mean_.update(intensity, weight_, box_);
+  mean_.update(intensity, inside_, box_);
+  const auto row_in = [&](int y) {
+    return intensity.data() + (box_.y0 + y) * intensity.cols() + box_.x0;
+  };
   double total = 0, pixels = 0;
   for (int y = 0; y < box_.height(); ++y) {
-    const float* in = intensity.data() + (box_.y0 + y) * intensity.cols() + box_.x0;
-    const float* weight = weight_.row(y);
+    const float* in = row_in(y);
+    const float* inside = inside_.row(y);
     float light = 0, count = 0;
     for (int x = 0; x < box_.width(); ++x) {
-      light += weight[x] * in[x];
-      count += weight[x];
+      light += inside[x] * in[x];
+      count += inside[x];
     }
     total += double(light);
     pixels += double(count);
   }
   const float floor = std::max(kMeanFloor * float(total / std::max(pixels, 1.0)), 1e-6f);
   light_.resize(box_.height(), box_.width(), radius_);
-  mean_row_.resize(1, box_.width(), 0);
+  double squares = 0;
   for (int y = 0; y < box_.height(); ++y) {
-    const float* in = intensity.data() + (box_.y0 + y) * intensity.cols() + box_.x0;
-    const float* weight = weight_.row(y);
-    float* mean = mean_row_.row(0);
+    const float* in = row_in(y);
+    const float* inside = inside_.row(y);
+    float* mean = row_[0].row(0);
     float* out = light_.row(y);
     mean_.row(box_.y0 + y, mean);
-    for (int x = 0; x < box_.width(); ++x)
-      out[x] = weight[x] * (in[x] - mean[x]) / (mean[x] + floor);
+    float sum = 0;
+    for (int x = 0; x < box_.width(); ++x) {
+      out[x] = inside[x] * (in[x] - mean[x]) / (mean[x] + floor);
+      sum += out[x] * out[x];
+    }
+    squares += double(sum);
   }
+  const double variance = squares / std::max(pixels, 1.0);
+  energy_floor_ = std::max(float(kEnergyFloor * kEnergyOfVariance * variance), 1e-12f);
 }
 
 /// One row of light through the five factors along x; rows outside the box are dark.
@@ -222,9 +250,10 @@ void AngleMapper::Impl::filter_along_x(int y) {
 
 /// The factors along y, the coefficients of the oriented energy, and their blur along x.
 ///
-/// As functions of theta, G2 = p + q cos 2t + r sin 2t and H2 = a1 cos t + b1 sin t + a3 cos 3t +
-/// b3 sin 3t; C2 and C3 are the cos 2t and sin 2t coefficients of G2^2 + H2^2 (halved, which
-/// changes no angle).
+/// As functions of the direction t, G2 = p + q cos 2t + r sin 2t and H2 = a1 cos t + b1 sin t +
+/// a3 cos 3t + b3 sin 3t. Of G2^2 + H2^2, C1 is the mean and C2, C3 the coefficients of cos 2t and
+/// sin 2t. All are divided by C1 and a floor, so that bright, dark, sharp and blurred stripes count
+/// alike in the blur.
 void AngleMapper::Impl::combine(int y) {
   const SteerableBasis& b = basis_;
   const float* e0 = ring(0, y);
@@ -232,9 +261,8 @@ void AngleMapper::Impl::combine(int y) {
   const float* g0 = ring(2, y);
   const float* h0 = ring(3, y);
   const float* t0 = ring(4, y);
-  const float* weight = weight_.row(y);
-  float* out2 = row2_.row(0);
-  float* out3 = row3_.row(0);
+  const float* inside = inside_.row(y);
+  const std::array<float*, 3> out{row_[0].row(0), row_[1].row(0), row_[2].row(0)};
   std::array<std::ptrdiff_t, 65> after{}, before{};
   for (int n = 1; n <= radius_; ++n) {
     after[std::size_t(n)] = ring(0, y + n) - e0;
@@ -261,59 +289,67 @@ void AngleMapper::Impl::combine(int y) {
     const Pack a1 = 0.75f * (ha + hc), b1 = 0.75f * (hb + hd);
     const Pack a3 = 0.25f * ha - 0.75f * hc, b3 = 0.75f * hb - 0.25f * hd;
     const float gg = b.gain_g * b.gain_g, hh = b.gain_h * b.gain_h;
-    const Pack c2 = gg * (p * q) + hh * (0.25f * (a1 * a1 - b1 * b1) + 0.5f * (a1 * a3 + b1 * b3));
-    const Pack c3 = gg * (p * r) + hh * (0.5f * (a1 * b1 + a1 * b3 - b1 * a3));
-    const Pack inside = load(weight + x);
-    store(out2 + x, inside * c2);
-    store(out3 + x, inside * c3);
+    const Pack c1 = gg * (p * p + 0.5f * (q * q + r * r)) +
+                    hh * (0.5f * (a1 * a1 + b1 * b1 + a3 * a3 + b3 * b3));
+    const Pack c2 = gg * (2.0f * p * q) + hh * (0.5f * (a1 * a1 - b1 * b1) + a1 * a3 + b1 * b3);
+    const Pack c3 = gg * (2.0f * p * r) + hh * (a1 * b1 + a1 * b3 - b1 * a3);
+    const Pack weight = load(inside + x) / (c1 + energy_floor_);
+    store(out[0] + x, weight * c1);
+    store(out[1] + x, weight * c2);
+    store(out[2] + x, weight * c3);
   }
   const int reach = int(blur_.size()) - 1;
-  for (int x = 0; x < box_.width(); x += kPack) {
-    store(blurred2_.row(y + reach) + x, even_taps(blur_, out2 + x, 1));
-    store(blurred3_.row(y + reach) + x, even_taps(blur_, out3 + x, 1));
-  }
+  for (std::size_t k = 0; k < 3; ++k)
+    for (int x = 0; x < box_.width(); x += kPack)
+      store(blurred_[k].row(y + reach) + x, even_taps(blur_, out[k] + x, 1));
 }
 
 /// The blur along y and the angle. C2 and C3 point across the stripes; a quarter turn is a change
 /// of both signs.
 void AngleMapper::Impl::finish(int y) {
   const int reach = int(blur_.size()) - 1;
-  const std::ptrdiff_t stride = blurred2_.row(1) - blurred2_.row(0);
-  const float* in2 = blurred2_.row(y + reach);
-  const float* in3 = blurred3_.row(y + reach);
-  float* c2 = row2_.row(0);
-  float* c3 = row3_.row(0);
-  for (int x = 0; x < box_.width(); x += kPack) {
-    store(c2 + x, even_taps(blur_, in2 + x, stride));
-    store(c3 + x, even_taps(blur_, in3 + x, stride));
+  for (std::size_t k = 0; k < 3; ++k) {
+    const float* in = blurred_[k].row(y + reach);
+    const std::ptrdiff_t stride = blurred_[k].row(1) - blurred_[k].row(0);
+    for (int x = 0; x < box_.width(); x += kPack)
+      store(row_[k].row(0) + x, even_taps(blur_, in + x, stride));
   }
-  const float* weight = weight_.row(y);
+  const float* c1 = row_[0].row(0);
+  const float* c2 = row_[1].row(0);
+  const float* c3 = row_[2].row(0);
+  const float* inside = inside_.row(y);
+  float* coherence = coherence_.row(y);
   float* angle = &map_.angle(box_.y0 + y, box_.x0);
   float* strength = &map_.strength(box_.y0 + y, box_.x0);
   for (int x = 0; x < box_.width(); ++x) {
-    angle[x] = weight[x] * half_atan2(-c3[x], -c2[x]);
-    strength[x] = weight[x] * std::sqrt(c2[x] * c2[x] + c3[x] * c3[x]);
+    const float amplitude = std::sqrt(c2[x] * c2[x] + c3[x] * c3[x]);
+    angle[x] = inside[x] * half_atan2(-c3[x], -c2[x]);
+    strength[x] = inside[x] * amplitude;
+    coherence[x] = amplitude / (c1[x] + 1e-20f);
   }
 }
 
-/// Angles are defined where the strength reaches the fraction energy_threshold of its 95th
-/// percentile inside the region (taken over every third pixel).
-void AngleMapper::Impl::drop_weak() {
+/// Keeps the angles of pixels whose strength and coherence reach their thresholds. The 95th
+/// percentile is taken over every third pixel.
+void AngleMapper::Impl::drop_undefined() {
   sample_.clear();
   for (int y = 0; y < box_.height(); ++y) {
-    const float* weight = weight_.row(y);
+    const float* inside = inside_.row(y);
     const float* strength = &map_.strength(box_.y0 + y, box_.x0);
     for (int x = y % 3; x < box_.width(); x += 3)
-      if (weight[x] > 0) sample_.push_back(strength[x]);
+      if (inside[x] > 0) sample_.push_back(strength[x]);
   }
   if (sample_.empty()) return;
   const auto at = sample_.begin() + std::ptrdiff_t(0.95 * double(sample_.size() - 1));
   std::nth_element(sample_.begin(), at, sample_.end());
-  const float least = std::max(float(options_.energy_threshold) * *at, 1e-12f);
+  const float least_strength = std::max(float(options_.energy_threshold) * *at, 1e-6f);
+  const float least_coherence = float(options_.coherence_threshold) * kGratingCoherence;
   for (int y = 0; y < box_.height(); ++y) {
     const float* strength = &map_.strength(box_.y0 + y, box_.x0);
+    const float* coherence = coherence_.row(y);
     std::uint8_t* valid = &map_.valid(box_.y0 + y, box_.x0);
-    for (int x = 0; x < box_.width(); ++x) valid[x] = strength[x] >= least ? 1 : 0;
+    for (int x = 0; x < box_.width(); ++x)
+      valid[x] = (strength[x] >= least_strength) & (coherence[x] >= least_coherence) ? 1 : 0;
   }
 }
 
@@ -322,21 +358,21 @@ const AngleMap& AngleMapper::Impl::compute(const Image& intensity, const Mask& r
   clear_outputs();
   box_ = region.size() == 0 ? Box{0, 0, width_, height_} : detail::bounding_box(region);
   if (box_.empty()) return map_;
-  set_weights(region);
-  normalise(intensity);
-
   const int reach = int(blur_.size()) - 1;
   for (Plane& rows : filtered_) rows.resize(2 * radius_ + 1, box_.width(), 0);
-  for (Plane* row : {&row2_, &row3_}) row->resize(1, box_.width(), reach);
-  for (Plane* plane : {&blurred2_, &blurred3_})
-    plane->resize(box_.height() + 2 * reach, box_.width(), 0);
+  for (Plane& row : row_) row.resize(1, box_.width(), reach);
+  for (Plane& plane : blurred_) plane.resize(box_.height() + 2 * reach, box_.width(), 0);
+  coherence_.resize(box_.height(), box_.width(), 0);
+
+  set_inside(region);
+  normalise(intensity);
   for (int y = -radius_; y < radius_; ++y) filter_along_x(y);
   for (int y = 0; y < box_.height(); ++y) {
     filter_along_x(y + radius_);
     combine(y);
   }
   for (int y = 0; y < box_.height(); ++y) finish(y);
-  drop_weak();
+  drop_undefined();
   return map_;
 }
 
