@@ -1,5 +1,6 @@
 #include "weft/fabric/fabric.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -55,6 +56,27 @@ TEST(ParameterTable, UnknownNamesAreErrors) {
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("\"bend\""), HasSubstr("bend_stiffness")));
   }
+}
+
+TEST(ParameterTable, IsTheDocumentedOne) {
+  std::ifstream file(std::string(WEFT_SOURCE_DIR) + "/docs/formats.md");
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  const auto number = [](double value) {  // as the document writes powers of ten
+    std::string out = fmt::format("{}", value);
+    if (value != 0 && value < 0.1) out = fmt::format("1e-{}", std::lround(-std::log10(value)));
+    return out;
+  };
+  for (const ParameterInfo& info : baraff_witkin_parameters()) {
+    const std::string row = fmt::format("| {} to {} | {} |", number(info.lower), number(info.upper),
+                                        number(info.default_value));
+    const std::size_t at = text.find(fmt::format("| `{}` | ", info.name));
+    ASSERT_NE(at, std::string::npos) << info.name;
+    EXPECT_THAT(text.substr(at, text.find('\n', at) - at), HasSubstr(row));
+  }
+  const std::size_t begin = text.find("format = \"weft-fabric\"");
+  ASSERT_NE(begin, std::string::npos);
+  const std::string example = text.substr(begin, text.find("```", begin) - begin);
+  EXPECT_EQ(fabric_from_toml(example, "formats.md").values, find_fabric("satin").values);
 }
 
 TEST(Scaling, EndsMiddleAndRoundTrip) {
