@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <queue>
 
 #include "weft/base/error.h"
@@ -14,20 +15,22 @@ namespace {
 
 // Depth noise of one edge, m: 0.2 px at the shallowest usual angle between camera and projector.
 constexpr double depth_noise = 2e-3;
-// Steepest surface whose stripes are believed: change of depth along the view over the distance
-// across it. At 3.5 (74 degrees from facing the camera) stripes are squeezed to about half.
-constexpr double steepest_slope = 3.5;
+// Slope of the surface, change of depth along the view over distance across it: up to the first,
+// two edges are taken to be neighbours on one smooth piece; beyond the second, none are.
+constexpr double smooth_slope = 1.5;
 // Stripe periods around a fixture in which its depth decides about the index.
 constexpr double anchor_periods = 2.5;
-// Edges in a separate region below which it is not worth an index by plausibility.
-constexpr int least_region = 40;
+// Fewest edges of a piece, and least support by its neighbours, in edges that join it smoothly.
+constexpr int least_piece = 8;
+constexpr double least_votes = 2;
 
 /// An edge and, once it is known, where it lies.
 struct Node {
   StripeEdge edge;
   Vec3 direction;  ///< of the camera ray, scaled to unit depth
-  enum class State { unknown, pending, known, rejected } state = State::unknown;
-  double row = 0;    ///< projector row, px
+  int piece = -1;
+  bool known = false;
+  double row = 0;    ///< projector row, px; up to the shift of its piece until that is known
   double depth = 0;  ///< camera depth, m
 };
 
@@ -44,6 +47,9 @@ class LightPlanes {
 
   /// Stripe period in the image, px, at the depth of the reference point.
   double image_period() const { return image_period_; }
+
+  /// True if the projector's rows run the image's way.
+  bool upright() const { return upright_; }
 
   Vec3 direction(const Vec2& pixel) const {
     return rig_->camera.unproject(pixel, 1.0) - rig_->camera.center();
@@ -75,9 +81,9 @@ class LightPlanes {
     return period * (std::round(row(node.direction, depth) / period - offset) + offset);
   }
 
-  bool inside(const Vec3& direction, double depth) const {
+  bool inside(const Vec3& point) const {
     if (rig_->projector_width <= 0 || rig_->projector_height <= 0) return true;
-    const Vec3 p = rig_->projector.project(point(direction, depth));
+    const Vec3 p = rig_->projector.project(point);
     return p.x() >= 0 && p.x() <= rig_->projector_width && p.y() >= 0 &&
            p.y() <= rig_->projector_height;
   }
@@ -118,218 +124,247 @@ class Reach {
   std::vector<Vec3> positions_;
 };
 
-/// Spreads the index of stripes from edge to edge, the smoothest step first.
-class StripeFlood {
+/// Finds the index of every edge: edges are joined into smooth pieces, in which indices follow from
+/// one to the next, and the pieces are shifted by whole periods so that they fit the fixtures and
+/// each other.
+class StripeIndexer {
  public:
-  StripeFlood(const LightPlanes& planes, const Reach& reach, std::vector<Node>& nodes, int columns,
-              double max_jump)
-      : planes_(planes), reach_(reach), nodes_(nodes), max_jump_(max_jump) {
+  StripeIndexer(const LightPlanes& planes, const Reach& reach, std::vector<Node>& nodes,
+                int columns, double period, double steepest_slope)
+      : planes_(planes),
+        reach_(reach),
+        nodes_(nodes),
+        period_(period),
+        steepest_slope_(steepest_slope) {
     first_.assign(static_cast<std::size_t>(columns) + 1, 0);
     for (const Node& node : nodes) ++first_[static_cast<std::size_t>(node.edge.column) + 1];
     for (std::size_t c = 1; c < first_.size(); ++c) first_[c] += first_[c - 1];
   }
 
-  /// Floods from the edges around the projections of the fixtures.
-  void run_from_fixtures(const Rig& rig);
-  /// Joins regions that no smooth step reaches (behind folds, beyond shadows): inside a region the
-  /// indices follow from continuity, and their common shift from the known points next to it.
-  void join_regions(double period);
-  /// Rejects known edges that do not lie on a smooth chain along their stripe.
-  void reject_outliers();
+  void run(const Rig& rig, double reference_depth) {
+    split_into_pieces(reference_depth);
+    collect_votes();
+    vote_of_fixtures(rig);
+    place_pieces();
+  }
 
  private:
-  struct Offer {
+  /// Votes for the shift of a piece against another, in periods.
+  using Votes = std::map<int, double>;
+
+  struct Step {
     double cost;
     std::size_t node;
     double row;
     // Ties go to the lower node, so that the order never depends on the queue.
-    bool operator<(const Offer& other) const {
+    bool operator<(const Step& other) const {
       return cost > other.cost || (cost == other.cost && node > other.node);
     }
   };
 
-  void offer(std::size_t k, double depth, const Vec3& direction, bool anchor);
-  void offer_neighbours(std::size_t k);
-  bool place(Node& node, double row) const;
-  std::vector<std::size_t> flood(Node::State state);
-  bool settle_region(const std::vector<std::size_t>& region, const std::vector<std::size_t>& known,
-                     double period);
-  std::size_t nearest(const StripeEdge& edge, const std::vector<std::size_t>& among) const;
-  std::vector<std::size_t> with_state(Node::State state) const;
+  double slope(const Node& to, double row, const Vec3& direction, double depth) const;
+
+  struct Span {
+    double top, bottom;  ///< y, px
+  };
+  Span span(std::size_t k) const;
+  bool connected(std::size_t k, std::size_t n) const;
+  template <class Visit>
+  void for_neighbours(std::size_t k, Visit&& visit) const;
+
+  void split_into_pieces(double reference_depth);
+  void collect_votes();
+  void vote_of_fixtures(const Rig& rig);
+  void place_pieces();
+  bool place(std::size_t piece, int shift);
 
   const LightPlanes& planes_;
   const Reach& reach_;
   std::vector<Node>& nodes_;
-  double max_jump_;
-  std::vector<std::size_t> first_;  ///< of each column's nodes
-  std::priority_queue<Offer> queue_;
+  double period_, steepest_slope_;
+  std::vector<std::size_t> first_;                ///< of each column's nodes
+  std::vector<std::vector<std::size_t>> pieces_;  ///< nodes of each
+  std::vector<std::map<int, Votes>> links_;       ///< [piece][other piece]
+  std::vector<Votes> votes_;                      ///< of each piece, by what is placed
 };
 
-void StripeFlood::run_from_fixtures(const Rig& rig) {
+/// Slope of the surface between a point at `depth` on the ray `direction` and an edge, if that is
+/// the edge at projector row `row`; infinite if its ray does not meet that plane.
+double StripeIndexer::slope(const Node& to, double row, const Vec3& direction, double depth) const {
+  const double jump = std::abs(planes_.depth(to.direction, row) - depth);
+  if (std::isnan(jump)) return std::numeric_limits<double>::infinity();
+  const double lateral = depth * (to.direction - direction).norm();
+  return std::max(jump - depth_noise, 0.0) / lateral;
+}
+
+/// The rows between which a stripe's bright and dark sides reach around edge k: up to the edges
+/// above and below it, half a period where there is none.
+StripeIndexer::Span StripeIndexer::span(std::size_t k) const {
+  const StripeEdge& edge = nodes_[k].edge;
+  const double reach = 0.5 * planes_.image_period();
+  Span span{edge.y - reach, edge.y + reach};
+  if (k > 0 && nodes_[k - 1].edge.column == edge.column) span.top = nodes_[k - 1].edge.y;
+  if (k + 1 < nodes_.size() && nodes_[k + 1].edge.column == edge.column) {
+    span.bottom = nodes_[k + 1].edge.y;
+  }
+  return span;
+}
+
+/// True if two edges of one kind on adjacent columns lie on one contour: the light above them is
+/// connected, and so is the light below.
+bool StripeIndexer::connected(std::size_t k, std::size_t n) const {
+  const double y = nodes_[k].edge.y, other = nodes_[n].edge.y;
+  const Span a = span(k), b = span(n);
+  return std::max(a.top, b.top) < std::min(y, other) &&
+         std::max(y, other) < std::min(a.bottom, b.bottom);
+}
+
+/// Calls visit(n) for the edges next to edge k: on its contour on the columns beside it, and the
+/// next two above and below, so that one missed edge does not end a piece.
+template <class Visit>
+void StripeIndexer::for_neighbours(std::size_t k, Visit&& visit) const {
+  const StripeEdge& edge = nodes_[k].edge;
+  const int columns = static_cast<int>(first_.size()) - 1;
+  for (const int side : {-1, 1}) {
+    bool found = false;
+    // A gap in a contour is crossed only where the stripe runs level.
+    for (int step = 1; step <= 3 && !found; ++step) {
+      const int c = edge.column + side * step;
+      if (c < 0 || c >= columns) break;
+      const auto end = first_[static_cast<std::size_t>(c) + 1];
+      for (auto n = first_[static_cast<std::size_t>(c)]; n < end; ++n) {
+        const StripeEdge& other = nodes_[n].edge;
+        if (other.rising != edge.rising) continue;
+        if (step == 1 ? !connected(k, n) : std::abs(other.y - edge.y) > 0.7 * step) continue;
+        visit(n, 0.0);
+        found = true;
+      }
+    }
+  }
+  const auto visit_vertical = [&](std::size_t n, double rows) {
+    if (nodes_[n].edge.column == edge.column && nodes_[n].edge.rising != edge.rising)
+      visit(n, rows);
+  };
+  const double half = planes_.upright() ? 0.5 * period_ : -0.5 * period_;
+  if (k > 0) visit_vertical(k - 1, -half);
+  if (k + 1 < nodes_.size()) visit_vertical(k + 1, half);
+}
+
+void StripeIndexer::split_into_pieces(double reference_depth) {
+  std::priority_queue<Step> queue;
+  for (std::size_t seed = 0; seed < nodes_.size(); ++seed) {
+    if (nodes_[seed].piece >= 0) continue;
+    const int piece = static_cast<int>(pieces_.size());
+    pieces_.emplace_back();
+    queue.push({0, seed, planes_.edge_row(nodes_[seed], reference_depth)});
+    while (!queue.empty()) {
+      const Step step = queue.top();
+      queue.pop();
+      Node& node = nodes_[step.node];
+      if (node.piece >= 0) continue;
+      node.piece = piece;
+      node.row = step.row;
+      node.depth = planes_.depth(node.direction, step.row);
+      pieces_.back().push_back(step.node);
+      for_neighbours(step.node, [&](std::size_t n, double rows) {
+        if (nodes_[n].piece >= 0) return;
+        const double row = node.row + rows;
+        const double cost = slope(nodes_[n], row, node.direction, node.depth);
+        if (cost <= smooth_slope) queue.push({cost, n, row});
+      });
+    }
+  }
+}
+
+void StripeIndexer::collect_votes() {
+  links_.resize(pieces_.size());
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    const Node& node = nodes_[k];
+    for_neighbours(k, [&](std::size_t n, double rows) {
+      const Node& other = nodes_[n];
+      if (other.piece == node.piece) return;
+      const double steepness = slope(other, node.row + rows, node.direction, node.depth);
+      if (steepness > steepest_slope_) return;
+      const int shift = static_cast<int>(std::lround((node.row + rows - other.row) / period_));
+      links_[static_cast<std::size_t>(node.piece)][other.piece][shift] +=
+          1 / (1 + steepness * steepness);
+    });
+  }
+}
+
+void StripeIndexer::vote_of_fixtures(const Rig& rig) {
+  votes_.resize(pieces_.size());
   const double radius = anchor_periods * planes_.image_period();
   for (const Vec3& fixture : reach_.fixtures()) {
     const Vec3 pixel = rig.camera.project(fixture);
     if (pixel.z() <= 0) continue;
     const Vec3 direction = planes_.direction(pixel.head<2>());
-    for (std::size_t k = 0; k < nodes_.size(); ++k) {
-      const StripeEdge& edge = nodes_[k].edge;
-      if (std::hypot(edge.column + 0.5 - pixel.x(), edge.y - pixel.y()) > radius) continue;
-      offer(k, pixel.z(), direction, true);
+    for (const Node& node : nodes_) {
+      const double distance =
+          std::hypot(node.edge.column + 0.5 - pixel.x(), node.edge.y - pixel.y());
+      if (distance > radius || distance < 1) continue;
+      const double row = planes_.edge_row(node, pixel.z());
+      const double steepness = slope(node, row, direction, pixel.z());
+      if (steepness > steepest_slope_) continue;
+      const int shift = static_cast<int>(std::lround((row - node.row) / period_));
+      votes_[static_cast<std::size_t>(node.piece)][shift] += 1 / (1 + steepness * steepness);
     }
   }
-  flood(Node::State::known);
 }
 
-void StripeFlood::offer(std::size_t k, double depth, const Vec3& direction, bool anchor) {
-  const Node& node = nodes_[k];
-  if (node.state != Node::State::unknown) return;
-  const double row = planes_.edge_row(node, depth);
-  const double candidate = planes_.depth(node.direction, row);
-  if (std::isnan(candidate)) return;
-  const double jump = std::abs(candidate - depth);
-  const double lateral = depth * (node.direction - direction).norm();
-  if (jump > depth_noise + steepest_slope * lateral) return;
-  if (!anchor && jump > max_jump_) return;
-  // An anchor is used only where no smooth step arrives first.
-  const double handicap = anchor ? steepest_slope : 0;
-  queue_.push({handicap + jump / (lateral + depth_noise), k, row});
-}
-
-void StripeFlood::offer_neighbours(std::size_t k) {
-  const Node& node = nodes_[k];
-  const int columns = static_cast<int>(first_.size()) - 1;
-  constexpr int across = 3;             // columns that a gap in a chain may span
-  constexpr double steepest_chain = 2;  // px of y a column, in the image
-  const int from = std::max(node.edge.column - across, 0);
-  const int to = std::min(node.edge.column + across, columns - 1);
-  for (int c = from; c <= to; ++c) {
-    const double height = steepest_chain * std::abs(c - node.edge.column);
-    const auto end = first_[static_cast<std::size_t>(c) + 1];
-    for (auto n = first_[static_cast<std::size_t>(c)]; n < end; ++n) {
-      const StripeEdge& other = nodes_[n].edge;
-      if (other.rising != node.edge.rising || std::abs(other.y - node.edge.y) > height) continue;
-      offer(n, node.depth, node.direction, false);
+/// The piece with the most votes for one shift goes first; its neighbours get its votes.
+void StripeIndexer::place_pieces() {
+  std::vector<char> done(pieces_.size(), 0);
+  for (;;) {
+    double most = least_votes;
+    std::size_t best = pieces_.size();
+    int best_shift = 0;
+    for (std::size_t p = 0; p < pieces_.size(); ++p) {
+      if (done[p]) continue;
+      for (const auto& [shift, votes] : votes_[p]) {
+        if (votes <= most) continue;
+        most = votes;
+        best = p;
+        best_shift = shift;
+      }
+    }
+    if (best == pieces_.size()) return;
+    if (!place(best, best_shift)) {
+      votes_[best].erase(best_shift);
+      continue;
+    }
+    done[best] = 1;
+    for (const auto& [other, link] : links_[best]) {
+      for (const auto& [shift, votes] : link) {
+        votes_[static_cast<std::size_t>(other)][shift + best_shift] += votes;
+      }
     }
   }
-  // Above and below: the next two edges, so that one missed edge does not end the region.
-  const auto begin = first_[static_cast<std::size_t>(node.edge.column)];
-  const auto end = first_[static_cast<std::size_t>(node.edge.column) + 1];
-  for (auto n = std::max(begin + 2, k) - 2; n < std::min(end, k + 3); ++n) {
-    offer(n, node.depth, node.direction, false);
-  }
 }
 
-bool StripeFlood::place(Node& node, double row) const {
-  const double depth = planes_.depth(node.direction, row);
-  if (std::isnan(depth) || !planes_.inside(node.direction, depth)) return false;
-  if (!reach_.contains(planes_.point(node.direction, depth))) return false;
-  node.row = row;
-  node.depth = depth;
-  return true;
-}
-
-std::vector<std::size_t> StripeFlood::flood(Node::State state) {
-  std::vector<std::size_t> reached;
-  while (!queue_.empty()) {
-    const Offer best = queue_.top();
-    queue_.pop();
-    Node& node = nodes_[best.node];
-    if (node.state != Node::State::unknown || !place(node, best.row)) continue;
-    node.state = state;
-    reached.push_back(best.node);
-    offer_neighbours(best.node);
-  }
-  return reached;
-}
-
-std::vector<std::size_t> StripeFlood::with_state(Node::State state) const {
-  std::vector<std::size_t> found;
-  for (std::size_t k = 0; k < nodes_.size(); ++k) {
-    if (nodes_[k].state == state) found.push_back(k);
-  }
-  return found;
-}
-
-std::size_t StripeFlood::nearest(const StripeEdge& edge,
-                                 const std::vector<std::size_t>& among) const {
-  std::size_t best = among.front();
-  double least = std::numeric_limits<double>::infinity();
-  for (const std::size_t k : among) {
-    const StripeEdge& other = nodes_[k].edge;
-    const double distance = std::hypot(other.column - edge.column, other.y - edge.y);
-    if (distance < least) {
-      least = distance;
-      best = k;
-    }
-  }
-  return best;
-}
-
-void StripeFlood::join_regions(double period) {
-  for (std::size_t seed = 0; seed < nodes_.size(); ++seed) {
-    Node& node = nodes_[seed];
-    if (node.state != Node::State::unknown) continue;
-    const std::vector<std::size_t> known = with_state(Node::State::known);
-    if (known.empty()) return;
-    const double depth = nodes_[nearest(node.edge, known)].depth;
-    queue_.push({0, seed, planes_.edge_row(node, depth)});
-    const std::vector<std::size_t> region = flood(Node::State::pending);
-    const bool joined =
-        static_cast<int>(region.size()) >= least_region && settle_region(region, known, period);
-    for (const std::size_t k : region) {
-      nodes_[k].state = joined ? Node::State::known : Node::State::rejected;
-    }
-    if (region.empty()) node.state = Node::State::rejected;
-  }
-}
-
-/// Chooses the shift of a region, in whole periods, with the least median gap in depth to the known
-/// points where both are nearest in the image. False if even that gap is too wide to be believed.
-bool StripeFlood::settle_region(const std::vector<std::size_t>& region,
-                                const std::vector<std::size_t>& known, double period) {
-  struct Pair {
-    double distance;
-    std::size_t inside, outside;
+/// False, and nothing done, if most of the piece would be where the cloth or the light cannot be.
+bool StripeIndexer::place(std::size_t piece, int shift) {
+  const auto depth_of = [&](const Node& node) {
+    return planes_.depth(node.direction, node.row + shift * period_);
   };
-  std::vector<Pair> pairs;
-  for (const std::size_t k : region) {
-    const std::size_t other = nearest(nodes_[k].edge, known);
-    const StripeEdge &a = nodes_[k].edge, &b = nodes_[other].edge;
-    pairs.push_back({std::hypot(a.column - b.column, a.y - b.y), k, other});
+  std::size_t possible = 0;
+  for (const std::size_t k : pieces_[piece]) {
+    const Vec3 point = planes_.point(nodes_[k].direction, depth_of(nodes_[k]));
+    if (point.allFinite() && planes_.inside(point) && reach_.contains(point)) ++possible;
   }
-  std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
-    return a.distance < b.distance || (a.distance == b.distance && a.inside < b.inside);
-  });
-  pairs.resize(std::max<std::size_t>(pairs.size() / 4, 8));
-  double best_gap = std::numeric_limits<double>::infinity(), best_step = 0;
-  int best_shift = 0;
-  std::vector<double> gaps(pairs.size());
-  for (int shift = -3; shift <= 3; ++shift) {
-    double step = 0;
-    for (std::size_t p = 0; p < pairs.size(); ++p) {
-      const Node& node = nodes_[pairs[p].inside];
-      const double row = node.row + shift * period;
-      const double depth = planes_.depth(node.direction, row);
-      gaps[p] = std::abs(depth - nodes_[pairs[p].outside].depth);
-      if (!(gaps[p] < 1e3)) gaps[p] = 1e3;
-      step = std::abs(planes_.depth(node.direction, row + period) - depth);
-    }
-    const auto middle = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2);
-    std::nth_element(gaps.begin(), middle, gaps.end());
-    if (*middle < best_gap) {
-      best_gap = *middle;
-      best_shift = shift;
-      best_step = step;
-    }
-  }
-  if (!(best_gap < 0.3 * best_step)) return false;
-  for (const std::size_t k : region) {
-    if (!place(nodes_[k], nodes_[k].row + best_shift * period)) return false;
+  if (2 * possible < pieces_[piece].size()) return false;
+  for (const std::size_t k : pieces_[piece]) {
+    Node& node = nodes_[k];
+    const double depth = depth_of(node);
+    const Vec3 point = planes_.point(node.direction, depth);
+    if (!point.allFinite()) continue;
+    node.row += shift * period_;
+    node.depth = depth;
+    node.known = static_cast<int>(pieces_[piece].size()) >= least_piece && planes_.inside(point) &&
+                 reach_.contains(point);
   }
   return true;
 }
-
-void StripeFlood::reject_outliers() {}
 
 /// Reads the edges as nodes with their camera rays.
 std::vector<Node> make_nodes(const std::vector<StripeEdge>& edges, const LightPlanes& planes) {
@@ -347,7 +382,7 @@ void fill_depth(const std::vector<Node>& nodes, const LightPlanes& planes, doubl
                 Image& depth) {
   const Node* above = nullptr;
   for (const Node& node : nodes) {
-    if (node.state != Node::State::known) {
+    if (!node.known) {
       continue;
     }
     if (above && above->edge.column == node.edge.column &&
@@ -386,22 +421,18 @@ StripePoints decode_stripes(const Image& intensity, const Mask& silhouette, cons
   const std::vector<StripeEdge> edges =
       find_stripe_edges(intensity, silhouette, planes.image_period());
   std::vector<Node> nodes = make_nodes(edges, planes);
-  StripeFlood flood(planes, reach, nodes, static_cast<int>(intensity.cols()),
-                    options.max_depth_jump);
-  flood.run_from_fixtures(rig);
-  flood.join_regions(rig.pattern.period);
-  flood.reject_outliers();
+  StripeIndexer indexer(planes, reach, nodes, static_cast<int>(intensity.cols()),
+                        rig.pattern.period, options.steepest_slope);
+  indexer.run(rig, rig.camera.project(center).z());
   fill_depth(nodes, planes, rig.pattern.period, result.depth);
 
-  const auto known =
-      static_cast<Eigen::Index>(std::count_if(nodes.begin(), nodes.end(), [](const Node& node) {
-        return node.state == Node::State::known;
-      }));
+  const auto known = static_cast<Eigen::Index>(
+      std::count_if(nodes.begin(), nodes.end(), [](const Node& node) { return node.known; }));
   result.pixel.resize(2, known);
   result.position.resize(3, known);
   Eigen::Index column = 0;
   for (const Node& node : nodes) {
-    if (node.state != Node::State::known) continue;
+    if (!node.known) continue;
     result.pixel.col(column) << node.edge.column + 0.5, node.edge.y;
     result.position.col(column++) = planes.point(node.direction, node.depth);
   }

@@ -16,7 +16,9 @@ struct StripePoints {
 };
 
 struct StripeDecodeOptions {
-  double max_depth_jump = 0.03;  ///< m between neighbouring pixels of one region
+  /// Steepest surface whose stripes are connected: change of depth along the view over distance
+  /// across it, from 1 (45 degrees) up. Steeper steps are taken for occlusions.
+  double steepest_slope = 4.5;
 };
 
 /// Triangulates the stripes of a frame: the phase of the pattern is measured at each pixel,

@@ -208,7 +208,7 @@ class SurfaceFitter {
   const Scene& scene_;
   Fabric fabric_;
   ClothModel model_;
-  SparseCholesky cholesky_;
+  SparseCholesky<double> cholesky_;
   SparseMatrix hessian_;
   VisibleTriangles visible_;
   std::vector<ContourPoint> contour_;
