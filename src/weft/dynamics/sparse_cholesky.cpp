@@ -1,44 +1,49 @@
 #include "weft/dynamics/sparse_cholesky.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cassert>
-#include <numeric>
+
+#include "weft/dynamics/dense_kernels.h"
 
 namespace weft {
 
 // Multifrontal: vertices are ordered by nested dissection of the fabric, cut in half across its
 // longer side again and again; a cut's vertices (and those of each small piece that is left) form
-// one dense block of columns. A block's columns and the rows below them are gathered in a dense
-// front, which is factorized with Eigen's dense kernels; what remains of it, the update, is added
-// to the front of the parent.
+// one node, a dense block of columns. The node's panel holds these columns of the matrix, of what
+// its children left, and then of the factor; what it leaves for the rows below, its update, is
+// added to the panel and the update of its parent. A parent and its children use different stacks
+// for their updates.
 namespace {
 
 constexpr int kLeafSize = 10;
 
-using DenseMap = Eigen::Map<MatX, 0, Eigen::OuterStride<>>;
-using ConstDenseMap = Eigen::Map<const MatX, 0, Eigen::OuterStride<>>;
-
 struct Node {
   int parent = -1;
   std::vector<int> pivots;     // vertices eliminated here
-  std::vector<int> rows;       // later vertices coupled to them, in the order of elimination
   int first = 0;               // rank of the first pivot in the order of elimination
-  std::vector<int> row_ranks;  // ranks of `rows`
+  std::vector<int> row_ranks;  // ranks of the later vertices that are coupled to them, rising
   std::vector<int> children;
-  std::vector<int> to_parent;  // for each of `rows`: its place among the parent's pivots and rows
-  std::size_t panel = 0;       // where its columns of L start in the storage
-  int entries_begin = 0, entries_end = 0;  // of Impl::entries
+  struct Run {
+    int row, place, count;
+  };
+  std::vector<Run> runs;                  // where its rows stand among the parent's pivots and rows
+  int depth = 0;                          // of the node in the tree
+  std::size_t panel = 0, panel_ld = 0;    // its columns in the storage
+  std::size_t update = 0, update_ld = 0;  // in the stack of its depth
+  std::size_t entries_begin = 0, entries_end = 0;  // of Impl::entries
 
   int pivot_size() const { return 3 * static_cast<int>(pivots.size()); }
-  int row_size() const { return 3 * static_cast<int>(rows.size()); }
+  int row_size() const { return 3 * static_cast<int>(row_ranks.size()); }
   int front_size() const { return pivot_size() + row_size(); }
 };
 
-/// A stored value of the matrix and the place in the front that it is added to.
+/// Up to three values that follow each other in a column of the matrix, and where in the panel they
+/// are added: one under the other, or side by side where the matrix has the transposed block.
 struct Entry {
   int value;
   int place;
+  int count;
+  int stride;
 };
 
 class Dissection {
@@ -123,28 +128,38 @@ std::vector<std::vector<int>> vertex_neighbours(const SparseMatrix& pattern,
 
 }  // namespace
 
-struct SparseCholesky::Impl {
+template <class Scalar>
+struct SparseCholesky<Scalar>::Impl {
+  static constexpr int kSpare = dense::kTileRows<Scalar> - 1;
+
   std::vector<char> held;
   std::vector<Node> nodes;
+  std::vector<int> order;  // vertices in the order of elimination
   std::vector<Entry> entries;
-  std::vector<double> panels;          // columns of L, node after node
-  std::vector<double> front;           // of the node at hand
-  std::vector<double> updates;         // a stack: of children that wait for their parent
-  std::vector<std::size_t> update_at;  // of each node
-  std::vector<int> order;              // vertices in the order of elimination
-  mutable Points ordered;              // right-hand side and solution in that order
-  mutable Points below;                // those of a node's rows
+  std::vector<Scalar> panels;      // node after node
+  std::vector<Scalar> updates[2];  // stacks, of nodes at even and odd depth
+  std::vector<Scalar> inverse_diagonal;
+  mutable std::vector<Scalar> ordered;  // right-hand side and solution in the order of elimination
+  mutable std::vector<Scalar> work;     // those of one node
 
   void analyse(const SparseMatrix& pattern, const MaterialPoints& material);
   void find_rows(const std::vector<std::vector<int>>& neighbours);
   void place_entries(const SparseMatrix& pattern);
-  bool eliminate(const Node& node, double* update);
+  void allocate();
+  void gather(const Node& node, const double* values);
+  void add_update(const Node& child, const Node& node);
+  bool eliminate(const Node& node);
   void forward(const Node& node) const;
   void backward(const Node& node) const;
-  void add_update(const Node& child, const double* update, int front_size);
+
+  Scalar* panel(const Node& node) { return panels.data() + node.panel; }
+  const Scalar* panel(const Node& node) const { return panels.data() + node.panel; }
+  Scalar* update(const Node& node) { return updates[node.depth % 2].data() + node.update; }
 };
 
-void SparseCholesky::Impl::analyse(const SparseMatrix& pattern, const MaterialPoints& material) {
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::analyse(const SparseMatrix& pattern,
+                                           const MaterialPoints& material) {
   const auto neighbours = vertex_neighbours(pattern, held);
   std::vector<int> free;
   for (int i = 0; i < static_cast<int>(held.size()); ++i) {
@@ -152,38 +167,12 @@ void SparseCholesky::Impl::analyse(const SparseMatrix& pattern, const MaterialPo
   }
   nodes = Dissection(neighbours, material).split(std::move(free));
   find_rows(neighbours);
+  allocate();
   place_entries(pattern);
-
-  std::size_t panel_size = 0;
-  std::size_t front_size = 0;
-  std::size_t stack = 0;
-  std::size_t stack_limit = 0;
-  int row_size = 0;
-  update_at.resize(nodes.size());
-  for (std::size_t k = 0; k < nodes.size(); ++k) {
-    Node& node = nodes[k];
-    node.panel = panel_size;
-    const auto n = static_cast<std::size_t>(node.front_size());
-    const auto rows = static_cast<std::size_t>(node.row_size());
-    panel_size += n * static_cast<std::size_t>(node.pivot_size());
-    front_size = std::max(front_size, n * n);
-    row_size = std::max(row_size, node.row_size());
-    for (const int child : node.children) {
-      const auto size = static_cast<std::size_t>(nodes[static_cast<std::size_t>(child)].row_size());
-      stack -= size * size;
-    }
-    update_at[k] = stack;
-    stack += rows * rows;
-    stack_limit = std::max(stack_limit, stack);
-  }
-  panels.resize(panel_size);
-  front.resize(front_size);
-  updates.resize(stack_limit);
-  ordered.resize(3, static_cast<Eigen::Index>(order.size()));
-  below.resize(3, row_size / 3);
 }
 
-void SparseCholesky::Impl::find_rows(const std::vector<std::vector<int>>& neighbours) {
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::find_rows(const std::vector<std::vector<int>>& neighbours) {
   std::vector<int> rank(held.size(), -1);
   for (Node& node : nodes) {
     node.first = static_cast<int>(order.size());
@@ -192,192 +181,248 @@ void SparseCholesky::Impl::find_rows(const std::vector<std::vector<int>>& neighb
       order.push_back(i);
     }
   }
-  auto rank_of = [&](int i) { return rank[static_cast<std::size_t>(i)]; };
-  std::vector<int> place(held.size(), -1);
-  for (std::size_t k = 0; k < nodes.size(); ++k) {
-    Node& node = nodes[k];
+  std::vector<int> place(order.size());  // by rank, in the node at hand
+  for (Node& node : nodes) {
     const int end = node.first + static_cast<int>(node.pivots.size());
     auto take = [&](int i) {
-      if (rank_of(i) >= end) node.rows.push_back(i);
+      if (i >= end) node.row_ranks.push_back(i);
     };
     for (const int i : node.pivots) {
-      for (const int j : neighbours[static_cast<std::size_t>(i)]) take(j);
+      for (const int j : neighbours[static_cast<std::size_t>(i)]) {
+        take(rank[static_cast<std::size_t>(j)]);
+      }
     }
     for (const int child : node.children) {
-      for (const int i : nodes[static_cast<std::size_t>(child)].rows) take(i);
+      for (const int i : nodes[static_cast<std::size_t>(child)].row_ranks) take(i);
     }
-    std::sort(node.rows.begin(), node.rows.end(),
-              [&](int i, int j) { return rank_of(i) < rank_of(j); });
-    node.rows.erase(std::unique(node.rows.begin(), node.rows.end()), node.rows.end());
-    for (const int i : node.rows) node.row_ranks.push_back(rank_of(i));
-    int at = 0;
-    for (const int i : node.pivots) place[static_cast<std::size_t>(i)] = at++;
-    for (const int i : node.rows) place[static_cast<std::size_t>(i)] = at++;
+    std::sort(node.row_ranks.begin(), node.row_ranks.end());
+    node.row_ranks.erase(std::unique(node.row_ranks.begin(), node.row_ranks.end()),
+                         node.row_ranks.end());
+    for (int i = node.first; i < end; ++i) place[static_cast<std::size_t>(i)] = i - node.first;
+    int at = end - node.first;
+    for (const int i : node.row_ranks) place[static_cast<std::size_t>(i)] = at++;
     for (const int child : node.children) {
       Node& below = nodes[static_cast<std::size_t>(child)];
-      for (const int i : below.rows) below.to_parent.push_back(place[static_cast<std::size_t>(i)]);
+      for (int row = 0; row < static_cast<int>(below.row_ranks.size()); ++row) {
+        const int to =
+            place[static_cast<std::size_t>(below.row_ranks[static_cast<std::size_t>(row)])];
+        if (!below.runs.empty() && below.runs.back().place + below.runs.back().count == to) {
+          ++below.runs.back().count;
+        } else {
+          below.runs.push_back({row, to, 1});
+        }
+      }
+    }
+  }
+  for (auto node = nodes.rbegin(); node != nodes.rend(); ++node) {
+    for (const int child : node->children) {
+      nodes[static_cast<std::size_t>(child)].depth = node->depth + 1;
     }
   }
 }
 
-void SparseCholesky::Impl::place_entries(const SparseMatrix& pattern) {
-  std::vector<int> node_of(held.size(), -1);
-  for (std::size_t k = 0; k < nodes.size(); ++k) {
-    for (const int i : nodes[k].pivots) node_of[static_cast<std::size_t>(i)] = static_cast<int>(k);
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::allocate() {
+  std::size_t panel_size = 0;
+  std::size_t used[2] = {0, 0};
+  std::size_t limit[2] = {0, 0};
+  std::size_t largest = 0;
+  for (Node& node : nodes) {
+    node.panel = panel_size;
+    node.panel_ld = static_cast<std::size_t>(node.front_size() + kSpare);
+    panel_size += node.panel_ld * static_cast<std::size_t>(node.pivot_size());
+    for (const int child : node.children) {
+      // Children are on top of their stack; the first of them is the lowest.
+      used[(node.depth + 1) % 2] =
+          std::min(used[(node.depth + 1) % 2], nodes[static_cast<std::size_t>(child)].update);
+    }
+    std::size_t& top = used[node.depth % 2];
+    node.update = top;
+    node.update_ld = static_cast<std::size_t>(node.row_size() + kSpare);
+    top += node.update_ld * static_cast<std::size_t>(node.row_size());
+    limit[node.depth % 2] = std::max(limit[node.depth % 2], top);
+    largest = std::max(largest, static_cast<std::size_t>(node.front_size()));
   }
-  struct Placed {
-    int node;
-    Entry entry;
+  panels.assign(panel_size + kSpare, Scalar(0));
+  for (int i : {0, 1}) updates[i].assign(limit[i] + kSpare, Scalar(0));
+  inverse_diagonal.resize(3 * order.size());
+  ordered.resize(3 * order.size());
+  work.assign(largest + kSpare, Scalar(0));
+}
+
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::place_entries(const SparseMatrix& pattern) {
+  std::vector<int> rank(held.size(), -1);
+  std::vector<int> node_of(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    rank[static_cast<std::size_t>(order[k])] = static_cast<int>(k);
+  }
+  for (std::size_t k = 0; k < nodes.size(); ++k) {
+    for (std::size_t i = 0; i < nodes[k].pivots.size(); ++i) {
+      node_of[static_cast<std::size_t>(nodes[k].first) + i] = static_cast<int>(k);
+    }
+  }
+  auto place_in = [](const Node& node, int vertex_rank) {
+    const int pivots = static_cast<int>(node.pivots.size());
+    if (vertex_rank < node.first + pivots) return vertex_rank - node.first;
+    const auto row = std::lower_bound(node.row_ranks.begin(), node.row_ranks.end(), vertex_rank);
+    assert(row != node.row_ranks.end() && *row == vertex_rank);
+    return pivots + static_cast<int>(row - node.row_ranks.begin());
   };
-  std::vector<Placed> placed;
-  placed.reserve(static_cast<std::size_t>(pattern.nonZeros()));
-  auto place_in = [](const Node& node, int vertex) {
-    const auto pivot = std::find(node.pivots.begin(), node.pivots.end(), vertex);
-    if (pivot != node.pivots.end()) return static_cast<int>(pivot - node.pivots.begin());
-    const auto row = std::find(node.rows.begin(), node.rows.end(), vertex);
-    assert(row != node.rows.end());
-    return static_cast<int>(node.pivots.size()) + static_cast<int>(row - node.rows.begin());
-  };
+  std::vector<std::vector<Entry>> of_node(nodes.size());
   for (int column = 0; column < pattern.cols(); ++column) {
-    const int j = column / 3;
-    if (held[static_cast<std::size_t>(j)]) continue;
-    for (int k = pattern.outerIndexPtr()[column]; k < pattern.outerIndexPtr()[column + 1]; ++k) {
+    const int j = rank[static_cast<std::size_t>(column / 3)];
+    if (j < 0) continue;
+    const int end = pattern.outerIndexPtr()[column + 1];
+    for (int k = pattern.outerIndexPtr()[column]; k < end;) {
       const int row = pattern.innerIndexPtr()[k];
-      const int i = row / 3;
-      if (held[static_cast<std::size_t>(i)]) continue;
-      const int home =
-          std::min(node_of[static_cast<std::size_t>(i)], node_of[static_cast<std::size_t>(j)]);
-      const Node& node = nodes[static_cast<std::size_t>(home)];
-      int front_row = 3 * place_in(node, i) + row % 3;
-      int front_column = 3 * place_in(node, j) + column % 3;
-      if (front_row < front_column) std::swap(front_row, front_column);
-      placed.push_back({home, {k, front_column * node.front_size() + front_row}});
+      const int count = 3 - row % 3;  // to the end of the block
+      const int i = rank[static_cast<std::size_t>(row / 3)];
+      if (i >= 0) {
+        const int home = node_of[static_cast<std::size_t>(std::min(i, j))];
+        const Node& node = nodes[static_cast<std::size_t>(home)];
+        const int ld = static_cast<int>(node.panel_ld);
+        const int at_row = 3 * place_in(node, i) + row % 3;
+        const int at_column = 3 * place_in(node, j) + column % 3;
+        const bool upright = i >= j;
+        of_node[static_cast<std::size_t>(home)].push_back(
+            {k, upright ? at_column * ld + at_row : at_row * ld + at_column, count,
+             upright ? 1 : ld});
+      }
+      k += count;
     }
   }
-  std::stable_sort(placed.begin(), placed.end(),
-                   [](const Placed& a, const Placed& b) { return a.node < b.node; });
-  entries.clear();
-  std::size_t at = 0;
   for (std::size_t k = 0; k < nodes.size(); ++k) {
-    nodes[k].entries_begin = static_cast<int>(at);
-    for (; at < placed.size() && placed[at].node == static_cast<int>(k); ++at) {
-      entries.push_back(placed[at].entry);
-    }
-    nodes[k].entries_end = static_cast<int>(at);
+    nodes[k].entries_begin = entries.size();
+    entries.insert(entries.end(), of_node[k].begin(), of_node[k].end());
+    nodes[k].entries_end = entries.size();
   }
 }
 
-void SparseCholesky::Impl::add_update(const Node& child, const double* update, int front_size) {
-  const int n = child.row_size();
-  const int blocks = static_cast<int>(child.rows.size());
-  for (int bj = 0; bj < blocks; ++bj) {
-    const int to_column = 3 * child.to_parent[static_cast<std::size_t>(bj)];
-    for (int c = 0; c < 3; ++c) {
-      const double* from = update + static_cast<std::ptrdiff_t>(3 * bj + c) * n;
-      double* to = front.data() + static_cast<std::ptrdiff_t>(to_column + c) * front_size;
-      for (int bi = bj; bi < blocks; ++bi) {
-        const int to_row = 3 * child.to_parent[static_cast<std::size_t>(bi)];
-        to[to_row] += from[3 * bi];
-        to[to_row + 1] += from[3 * bi + 1];
-        to[to_row + 2] += from[3 * bi + 2];
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::gather(const Node& node, const double* values) {
+  Scalar* to = panel(node);
+  std::fill_n(to, node.panel_ld * static_cast<std::size_t>(node.pivot_size()), Scalar(0));
+  std::fill_n(update(node), node.update_ld * static_cast<std::size_t>(node.row_size()), Scalar(0));
+  for (std::size_t e = node.entries_begin; e < node.entries_end; ++e) {
+    const Entry& entry = entries[e];
+    for (int i = 0; i < entry.count; ++i) {
+      to[entry.place + i * entry.stride] += static_cast<Scalar>(values[entry.value + i]);
+    }
+  }
+  for (const int child : node.children) add_update(nodes[static_cast<std::size_t>(child)], node);
+}
+
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::add_update(const Node& child, const Node& node) {
+  const int pivots = node.pivot_size();
+  for (std::size_t run = 0; run < child.runs.size(); ++run) {
+    const auto [first, place, columns] = child.runs[run];
+    for (int column = 0; column < 3 * columns; ++column) {
+      const Scalar* from =
+          update(child) + static_cast<std::size_t>(3 * first + column) * child.update_ld;
+      // Columns of the parent's pivots are in its panel, the others in its update, which starts
+      // below the pivots.
+      const int at = 3 * place + column;
+      Scalar* to =
+          at < pivots
+              ? panel(node) + static_cast<std::size_t>(at) * node.panel_ld
+              : update(node) + static_cast<std::size_t>(at - pivots) * node.update_ld - pivots;
+      for (std::size_t below = run; below < child.runs.size(); ++below) {
+        const auto& rows = child.runs[below];
+        const int skip = below == run ? 3 * (column / 3) : 0;
+        for (int i = skip; i < 3 * rows.count; ++i)
+          to[3 * rows.place + i] += from[3 * rows.row + i];
       }
     }
   }
 }
 
-bool SparseCholesky::Impl::eliminate(const Node& node, double* update) {
-  const int n = node.front_size();
-  const int p = node.pivot_size();
-  const int r = node.row_size();
-  DenseMap f(front.data(), n, n, Eigen::OuterStride<>(n));
-  auto pivot = f.topLeftCorner(p, p);
-  Eigen::Ref<MatX> pivot_ref(pivot);
-  Eigen::LLT<Eigen::Ref<MatX>> llt(pivot_ref);
-  if (llt.info() != Eigen::Success) return false;
-  if (!pivot.diagonal().array().isFinite().all()) return false;  // LLT lets NaN pass
-  if (r > 0) {
-    auto below = f.bottomLeftCorner(r, p);
-    pivot.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(below);
-    f.bottomRightCorner(r, r).selfadjointView<Eigen::Lower>().rankUpdate(below, -1.0);
-    DenseMap(update, r, r, Eigen::OuterStride<>(r)).triangularView<Eigen::Lower>() =
-        f.bottomRightCorner(r, r);
+template <class Scalar>
+bool SparseCholesky<Scalar>::Impl::eliminate(const Node& node) {
+  const auto ld = static_cast<std::ptrdiff_t>(node.panel_ld);
+  const int pivots = node.pivot_size();
+  if (!dense::factorize_panel(panel(node), ld, node.front_size(), pivots,
+                              inverse_diagonal.data() + 3 * node.first)) {
+    return false;
   }
-  std::copy(front.data(), front.data() + static_cast<std::ptrdiff_t>(n) * p,
-            panels.data() + node.panel);
+  dense::subtract_square<Scalar>(panel(node) + pivots, pivots, ld, update(node),
+                                 static_cast<std::ptrdiff_t>(node.update_ld), node.row_size());
   return true;
 }
 
-void SparseCholesky::Impl::forward(const Node& node) const {
-  const int p = node.pivot_size();
-  const int r = node.row_size();
-  const ConstDenseMap l(panels.data() + node.panel, p + r, p, Eigen::OuterStride<>(p + r));
-  Eigen::Map<VecX> pivot(ordered.data() + 3 * node.first, p);
-  l.topRows(p).triangularView<Eigen::Lower>().solveInPlace(pivot);
-  if (r == 0) return;
-  Eigen::Map<VecX> update(below.data(), r);
-  update.noalias() = l.bottomRows(r) * pivot;
-  for (std::size_t k = 0; k < node.row_ranks.size(); ++k) {
-    ordered.col(node.row_ranks[k]) -= below.col(static_cast<Eigen::Index>(k));
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::forward(const Node& node) const {
+  const int pivots = node.pivot_size();
+  const auto rows = static_cast<std::size_t>(node.row_size());
+  Scalar* pivot = ordered.data() + 3 * node.first;
+  std::copy_n(pivot, pivots, work.data());
+  std::fill_n(work.data() + pivots, rows + kSpare, Scalar(0));
+  dense::solve_forward(panel(node), static_cast<std::ptrdiff_t>(node.panel_ld), node.front_size(),
+                       pivots, inverse_diagonal.data() + 3 * node.first, work.data());
+  std::copy_n(work.data(), pivots, pivot);
+  const Scalar* from = work.data() + pivots;
+  for (const int rank : node.row_ranks) {
+    for (int k = 0; k < 3; ++k) ordered[static_cast<std::size_t>(3 * rank + k)] += *from++;
   }
 }
 
-void SparseCholesky::Impl::backward(const Node& node) const {
-  const int p = node.pivot_size();
-  const int r = node.row_size();
-  const ConstDenseMap l(panels.data() + node.panel, p + r, p, Eigen::OuterStride<>(p + r));
-  Eigen::Map<VecX> pivot(ordered.data() + 3 * node.first, p);
-  if (r > 0) {
-    for (std::size_t k = 0; k < node.row_ranks.size(); ++k) {
-      below.col(static_cast<Eigen::Index>(k)) = ordered.col(node.row_ranks[k]);
-    }
-    pivot.noalias() -= l.bottomRows(r).transpose() * Eigen::Map<const VecX>(below.data(), r);
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::backward(const Node& node) const {
+  const int pivots = node.pivot_size();
+  Scalar* pivot = ordered.data() + 3 * node.first;
+  std::copy_n(pivot, pivots, work.data());
+  Scalar* to = work.data() + pivots;
+  for (const int rank : node.row_ranks) {
+    for (int k = 0; k < 3; ++k) *to++ = ordered[static_cast<std::size_t>(3 * rank + k)];
   }
-  l.topRows(p).transpose().triangularView<Eigen::Upper>().solveInPlace(pivot);
+  std::fill_n(to, kSpare, Scalar(0));
+  dense::solve_backward(panel(node), static_cast<std::ptrdiff_t>(node.panel_ld), node.front_size(),
+                        pivots, inverse_diagonal.data() + 3 * node.first, work.data());
+  std::copy_n(work.data(), pivots, pivot);
 }
 
-SparseCholesky::SparseCholesky(const SparseMatrix& pattern, const std::vector<char>& held,
-                               const MaterialPoints& material)
+template <class Scalar>
+SparseCholesky<Scalar>::SparseCholesky(const SparseMatrix& pattern, const std::vector<char>& held,
+                                       const MaterialPoints& material)
     : impl_(new Impl) {
   impl_->held = held;
   impl_->analyse(pattern, material);
 }
-SparseCholesky::~SparseCholesky() = default;
-SparseCholesky::SparseCholesky(SparseCholesky&&) noexcept = default;
-SparseCholesky& SparseCholesky::operator=(SparseCholesky&&) noexcept = default;
+template <class Scalar>
+SparseCholesky<Scalar>::~SparseCholesky() = default;
+template <class Scalar>
+SparseCholesky<Scalar>::SparseCholesky(SparseCholesky&&) noexcept = default;
+template <class Scalar>
+SparseCholesky<Scalar>& SparseCholesky<Scalar>::operator=(SparseCholesky&&) noexcept = default;
 
-bool SparseCholesky::factorize(const SparseMatrix& matrix) {
-  Impl& s = *impl_;
-  const double* values = matrix.valuePtr();
-  for (std::size_t k = 0; k < s.nodes.size(); ++k) {
-    const Node& node = s.nodes[k];
-    const int n = node.front_size();
-    std::fill_n(s.front.data(), static_cast<std::size_t>(n) * static_cast<std::size_t>(n), 0.0);
-    for (int e = node.entries_begin; e < node.entries_end; ++e) {
-      const Entry& entry = s.entries[static_cast<std::size_t>(e)];
-      s.front[static_cast<std::size_t>(entry.place)] += values[entry.value];
-    }
-    for (const int child : node.children) {
-      s.add_update(s.nodes[static_cast<std::size_t>(child)],
-                   s.updates.data() + s.update_at[static_cast<std::size_t>(child)], n);
-    }
-    if (!s.eliminate(node, s.updates.data() + s.update_at[k])) return false;
+template <class Scalar>
+bool SparseCholesky<Scalar>::factorize(const SparseMatrix& matrix) {
+  for (const Node& node : impl_->nodes) {
+    impl_->gather(node, matrix.valuePtr());
+    if (!impl_->eliminate(node)) return false;
   }
   return true;
 }
 
-void SparseCholesky::solve(Points& b) const {
+template <class Scalar>
+void SparseCholesky<Scalar>::solve(Points& b) const {
   const Impl& s = *impl_;
+  Scalar* ordered = s.ordered.data();
+  for (std::size_t k = 0; k < s.order.size(); ++k) {
+    for (int i = 0; i < 3; ++i) ordered[3 * k + i] = static_cast<Scalar>(b(i, s.order[k]));
+  }
+  for (const Node& node : s.nodes) s.forward(node);
+  for (auto node = s.nodes.rbegin(); node != s.nodes.rend(); ++node) s.backward(*node);
   for (Eigen::Index i = 0; i < b.cols(); ++i) {
     if (s.held[static_cast<std::size_t>(i)]) b.col(i).setZero();
   }
   for (std::size_t k = 0; k < s.order.size(); ++k) {
-    s.ordered.col(static_cast<Eigen::Index>(k)) = b.col(s.order[k]);
-  }
-  for (const Node& node : s.nodes) s.forward(node);
-  for (auto node = s.nodes.rbegin(); node != s.nodes.rend(); ++node) s.backward(*node);
-  for (std::size_t k = 0; k < s.order.size(); ++k) {
-    b.col(s.order[k]) = s.ordered.col(static_cast<Eigen::Index>(k));
+    for (int i = 0; i < 3; ++i) b(i, s.order[k]) = ordered[3 * k + i];
   }
 }
+
+template class SparseCholesky<double>;
+template class SparseCholesky<float>;
 
 }  // namespace weft

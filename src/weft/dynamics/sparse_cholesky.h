@@ -9,6 +9,10 @@ namespace weft {
 /// Direct solver for the matrices of implicit steps and of equilibria: symmetric, positive
 /// definite, 3 x 3 blocks coupled as the vertices are, always in the same pattern. Vertices that
 /// are held drop out: their rows and columns are left unread and their unknowns are zero.
+///
+/// Scalar is the precision of the factor: double, or float for a preconditioner at about half the
+/// cost. Right-hand sides and solutions are double.
+template <class Scalar>
 class SparseCholesky {
  public:
   /// `pattern`: lower triangle of a 3 n x 3 n matrix, compressed, as ClothModel::hessian_pattern();
