@@ -234,7 +234,7 @@ LinePlot perturbation_plot(const ReportPerturbation& perturbation) {
     // The least of the quadratic within what was sampled; the variability is where it has risen by
     // 1 %.
     const double at = std::clamp(-c1 / (2 * c2), lower, upper);
-    plot.levels.push_back({1.01 * (c0 + c1 * at + c2 * at * at), "+1 %"});
+    plot.levels.push_back({1.01 * (c0 + c1 * at + c2 * at * at), "+1 %", 0.5});
   }
   return plot;
 }
@@ -326,6 +326,8 @@ LinePlot energy_plot(const std::vector<PlotSeries>& series) {
   plot.y.label = "energy";
   plot.y.unit = "J";
   plot.series = series;
+  // Integrators that agree lie on each other: dashes let the one below be seen.
+  for (std::size_t i = 1; i < plot.series.size(); i += 2) plot.series[i].dashed = true;
   return plot;
 }
 
@@ -345,6 +347,36 @@ double fitted_order(const PlotSeries& series) {
   return n >= 2 && denominator > 0 ? (n * sxy - sx * sy) / denominator : kGap;
 }
 
+namespace {
+
+/// A dashed line of slope `order` through the finest point of the series whose own slope is
+/// nearest.
+PlotSeries guide_line(const std::vector<PlotSeries>& series, double order) {
+  PlotSeries guide;
+  const PlotSeries* nearest = nullptr;
+  for (const PlotSeries& one : series) {
+    const double distance = std::abs(fitted_order(one) - order);
+    if (!std::isfinite(distance)) continue;
+    if (nearest == nullptr || distance < std::abs(fitted_order(*nearest) - order)) nearest = &one;
+  }
+  if (nearest == nullptr) return guide;
+  guide.name = "slope " + format_short(order);
+  guide.colour = 7;
+  guide.dashed = true;
+  double lower = kInfinity, upper = 0, anchor = kGap;
+  for (std::size_t i = 0; i < nearest->x.size(); ++i) {
+    if (!(nearest->x[i] > 0 && nearest->y[i] > 0)) continue;
+    if (nearest->x[i] < lower) anchor = nearest->y[i];
+    lower = std::min(lower, nearest->x[i]);
+    upper = std::max(upper, nearest->x[i]);
+  }
+  add_point(guide, lower, anchor);
+  add_point(guide, upper, anchor * std::pow(upper / lower, order));
+  return guide;
+}
+
+}  // namespace
+
 LinePlot convergence_plot(const std::string& title, const PlotAxis& size, const PlotAxis& error,
                           std::vector<PlotSeries> series, const std::vector<double>& guides) {
   LinePlot plot;
@@ -353,30 +385,17 @@ LinePlot convergence_plot(const std::string& title, const PlotAxis& size, const 
   plot.y = error;
   plot.x.logarithmic = plot.y.logarithmic = true;
   plot.height = 420;
-  plot.series = std::move(series);
-  double lower = kInfinity, upper = 0, anchor_x = kInfinity, anchor_y = kGap;
-  for (std::size_t s = 0; s < plot.series.size(); ++s) {
-    PlotSeries& one = plot.series[s];
+  for (const double order : guides) {
+    PlotSeries guide = guide_line(series, order);
+    if (!guide.x.empty()) plot.series.push_back(std::move(guide));
+  }
+  int colour = 1;
+  for (PlotSeries& one : series) {
     one.mark = PlotSeries::Mark::line_and_points;
+    if (one.colour < 0) one.colour = colour++;
     const double order = fitted_order(one);
     if (std::isfinite(order)) one.name += fmt::format(", order {:.2f}", order);
-    for (std::size_t i = 0; i < one.x.size(); ++i) {
-      if (!(one.x[i] > 0)) continue;
-      lower = std::min(lower, one.x[i]);
-      upper = std::max(upper, one.x[i]);
-      if (s == 0 && one.y[i] > 0 && one.x[i] < anchor_x) {
-        anchor_x = one.x[i];
-        anchor_y = one.y[i];
-      }
-    }
-  }
-  for (const double order : guides) {
-    PlotSeries& guide =
-        add_series(plot, fmt::format("order {}", format_value(order)), PlotSeries::Mark::line, 7);
-    guide.dashed = true;
-    for (const double x : {lower, upper}) {
-      add_point(guide, x, anchor_y * std::pow(x / anchor_x, order));
-    }
+    plot.series.push_back(std::move(one));
   }
   return plot;
 }

@@ -37,8 +37,9 @@ HeatMap matrix_map(const ReportMatrix& matrix);
 LinePlot energy_plot(const std::vector<PlotSeries>& series);
 
 /// Error against step or mesh size, both axes logarithmic, with the slope fitted by least squares
-/// to each series in the legend ("bdf2, order 1.98") and a dashed line for each order in `guides`
-/// through the finest point of the first series. Points that are not positive are left out.
+/// to each series in the legend ("bdf2, order 1.98") and a dashed line for each slope in `guides`
+/// through the finest point of the series that is nearest to it. Points that are not positive are
+/// left out.
 LinePlot convergence_plot(const std::string& title, const PlotAxis& size, const PlotAxis& error,
                           std::vector<PlotSeries> series, const std::vector<double>& guides = {});
 /// Slope of log y over log x by least squares; NaN with fewer than two usable points.

@@ -133,24 +133,34 @@ void draw_title(Svg& svg, const std::string& title) {
 }
 double title_height(const std::string& title) { return title.empty() ? 4 : kTitleSize + 12; }
 
-void draw_x_axis(Svg& svg, const Frame& frame, const Scale& scale, const PlotAxis& axis,
-                 bool grid) {
+/// Categories that do not fit beside each other are set slanting, and need this much more height.
+double slant_height(const PlotAxis& axis, double length) {
+  if (axis.categories.empty()) return 0;
+  const double width = widest(axis.categories);
+  const bool fits = width + 8 <= length / static_cast<double>(axis.categories.size());
+  return fits ? 0 : 0.5 * width;
+}
+
+void draw_x_axis(Svg& svg, const Frame& frame, const Scale& scale, const PlotAxis& axis, bool grid,
+                 double slant = 0) {
   svg.open("class=\"axis x-axis\"");
+  const double baseline = frame.bottom + 4 + kTickSize + 2;
   for (std::size_t i = 0; i < scale.ticks.positions.size(); ++i) {
     const double x = scale.pixel(scale.ticks.positions[i]);
-    if (grid) {
-      svg.line(x, frame.top, x, frame.bottom, "class=\"grid\" stroke=\"#e6e8eb\"");
-    }
+    if (grid) svg.line(x, frame.top, x, frame.bottom, "class=\"grid\" stroke=\"#e6e8eb\"");
     svg.line(x, frame.bottom, x, frame.bottom + 4, "class=\"tick\" stroke=\"#8a929c\"");
-    svg.text(x, frame.bottom + 4 + kTickSize + 2,
-             fmt::format("class=\"tick-label\" text-anchor=\"middle\" {}", kSoftInk),
+    const std::string how = slant > 0
+                                ? fmt::format("text-anchor=\"end\" transform=\"rotate(-30 {} {})\"",
+                                              px(x), px(baseline))
+                                : std::string("text-anchor=\"middle\"");
+    svg.text(x, baseline, fmt::format("class=\"tick-label\" {} {}", how, kSoftInk),
              scale.ticks.labels[i]);
   }
   for (const double minor : scale.ticks.minor) {
     const double x = scale.pixel(minor);
     svg.line(x, frame.bottom, x, frame.bottom + 2.5, "class=\"tick\" stroke=\"#b7bdc5\"");
   }
-  svg.text((frame.left + frame.right) / 2, frame.bottom + 4 + kTickSize + 6 + kLabelSize,
+  svg.text((frame.left + frame.right) / 2, baseline + slant + 4 + kLabelSize,
            fmt::format("class=\"axis-label\" text-anchor=\"middle\" font-size=\"{}\" {}",
                        px(kLabelSize), kInk),
            axis_title(axis, scale.ticks.exponent));
@@ -422,12 +432,13 @@ void draw_levels(Svg& svg, const LinePlot& plot, const Frame& frame, const Scale
     const double at = y.pixel(level.value);
     svg.line(frame.left, at, frame.right, at,
              "class=\"level\" stroke=\"#59616b\" stroke-dasharray=\"2 3\"");
-    svg.text(
-        frame.right - 4, at - 4,
-        fmt::format("class=\"note\" text-anchor=\"end\" {} stroke=\"#ffffff\" stroke-width=\"3\" "
-                    "paint-order=\"stroke\"",
-                    kSoftInk),
-        level.label);
+    const double width = text_width(level.label, kTickSize);
+    const double room = frame.right - frame.left - width - 8;
+    svg.text(frame.left + 4 + room * level.label_at, std::max(at - 4, frame.top + kTickSize),
+             fmt::format("class=\"note\" {} stroke=\"#ffffff\" stroke-width=\"3\" "
+                         "paint-order=\"stroke\"",
+                         kSoftInk),
+             level.label);
   }
 }
 
@@ -503,7 +514,7 @@ Rgb palette(int index) {
   return kColours[static_cast<std::size_t>(std::max(0, index) % 8)];
 }
 
-std::string to_svg(const LinePlot& plot, std::string_view id) {
+std::string to_svg(const LinePlot& plot, std::string_view id, double margin) {
   check_series(plot);
   const bool marks = std::ranges::any_of(
       plot.series, [](const PlotSeries& s) { return s.mark != PlotSeries::Mark::line; });
@@ -523,7 +534,8 @@ std::string to_svg(const LinePlot& plot, std::string_view id) {
 
   Frame frame;
   frame.top = legend_top + legend_height + kLabelSize + 12;
-  frame.bottom = std::max(frame.top + 60, plot.height - kTickSize - kLabelSize - 16.0);
+  const double slant = slant_height(plot.x, plot.width - 80);
+  frame.bottom = std::max(frame.top + 60, plot.height - slant - kTickSize - kLabelSize - 16.0);
   set_ticks(y, plot.y, frame.bottom - frame.top, plot.y.logarithmic ? 30 : 36);
   frame.left = std::max(24.0, widest(y.ticks.labels) + 8);
   frame.right = plot.width - 14;
@@ -535,7 +547,7 @@ std::string to_svg(const LinePlot& plot, std::string_view id) {
   svg.raw("<defs>" + clip(id, frame) + "</defs>\n");
   draw_title(svg, plot.title);
   draw_regions(svg, plot, frame, x);
-  draw_x_axis(svg, frame, x, plot.x, plot.x.categories.empty());
+  draw_x_axis(svg, frame, x, plot.x, plot.x.categories.empty(), slant);
   draw_y_axis(svg, frame, y, plot.y, true);
   draw_levels(svg, plot, frame, y);
   svg.open(fmt::format("clip-path=\"url(#{}-clip)\"", escape_xml(id)));
@@ -551,10 +563,10 @@ std::string to_svg(const LinePlot& plot, std::string_view id) {
     draw_legend_key(svg, legend[k], series, colour_index(series, named[k]), series.dashed);
     draw_legend_label(svg, legend[k]);
   }
-  return svg.document(plot.width, plot.height, plot.title, root_attributes(frame, x));
+  return svg.document(plot.width, plot.height, margin, plot.title, root_attributes(frame, x));
 }
 
-std::string to_svg(const BarChart& chart, std::string_view id) {
+std::string to_svg(const BarChart& chart, std::string_view id, double margin) {
   constexpr double kRow = 28;
   std::vector<double> values;
   std::vector<std::string> labels;
@@ -615,7 +627,7 @@ std::string to_svg(const BarChart& chart, std::string_view id) {
   }
   svg.line(frame.left, frame.top, frame.left, frame.bottom, "class=\"base\" stroke=\"#8a929c\"");
   const double height = frame.bottom + kTickSize + kLabelSize + 16;
-  return svg.document(chart.width, height, chart.title, root_attributes(frame, scale));
+  return svg.document(chart.width, height, margin, chart.title, root_attributes(frame, scale));
 }
 
 // ---- Heat maps
@@ -702,7 +714,7 @@ void draw_cell_value(Svg& svg, double value, double x, double y, double t, bool 
 
 }  // namespace
 
-std::string to_svg(const HeatMap& map, std::string_view id) {
+std::string to_svg(const HeatMap& map, std::string_view id, double margin) {
   check_map(map);
   const auto x_edges = cell_edges(map.x, map.x_axis.logarithmic);
   const auto y_edges = cell_edges(map.y, map.y_axis.logarithmic);
@@ -723,7 +735,8 @@ std::string to_svg(const HeatMap& map, std::string_view id) {
 
   Frame frame;
   frame.top = legend_top + legend_height + kLabelSize + 12;
-  frame.bottom = std::max(frame.top + 60, map.height - kTickSize - kLabelSize - 16.0);
+  const double slant = slant_height(map.x_axis, map.width - 160);
+  frame.bottom = std::max(frame.top + 60, map.height - slant - kTickSize - kLabelSize - 16.0);
   set_ticks(y, map.y_axis, frame.bottom - frame.top, 36);
   set_ticks(colour, colour_axis, frame.bottom - frame.top, 60);
   frame.left = std::max(24.0, widest(y.ticks.labels) + 8);
@@ -784,7 +797,7 @@ std::string to_svg(const HeatMap& map, std::string_view id) {
                       (a + b) / 2, hatched ? 1 : colour.fraction(value), hatched);
     }
   }
-  draw_x_axis(svg, frame, x, map.x_axis, false);
+  draw_x_axis(svg, frame, x, map.x_axis, false, slant);
   draw_y_axis(svg, frame, y, map.y_axis, false);
   draw_colour_bar(svg, map, frame, colour);
   const auto draw_marker = [&](double at_x, double at_y, std::size_t index) {
@@ -815,7 +828,7 @@ std::string to_svg(const HeatMap& map, std::string_view id) {
     }
     draw_legend_label(svg, legend[i]);
   }
-  return svg.document(map.width, map.height, map.title, root_attributes(frame, x));
+  return svg.document(map.width, map.height, margin, map.title, root_attributes(frame, x));
 }
 
 }  // namespace weft

@@ -46,10 +46,11 @@ struct PlotRegion {
   std::string label;
 };
 
-/// A horizontal line at `value` with a word at its right end.
+/// A horizontal line at `value` with a word above it.
 struct PlotLevel {
   double value = 0;
   std::string label;
+  double label_at = 1;  ///< where along the line, 0 (left end) to 1 (right end)
 };
 
 /// A point with a word beside it.
@@ -103,11 +104,12 @@ struct HeatMap {
   int height = 460;  ///< px
 };
 
-/// The picture. `id` begins the ids inside, so that several can stand in one page. Throws Error for
-/// series whose x, y and band differ in length, and heat maps whose shapes do not agree.
-std::string to_svg(const LinePlot& plot, std::string_view id = "plot");
-std::string to_svg(const BarChart& chart, std::string_view id = "plot");
-std::string to_svg(const HeatMap& map, std::string_view id = "plot");
+/// The picture. `id` begins the ids inside, so that several can stand in one page; `margin` px are
+/// added on all sides. Throws Error for series whose x, y and band differ in length, and heat maps
+/// whose shapes do not agree.
+std::string to_svg(const LinePlot& plot, std::string_view id = "plot", double margin = 0);
+std::string to_svg(const BarChart& chart, std::string_view id = "plot", double margin = 0);
+std::string to_svg(const HeatMap& map, std::string_view id = "plot", double margin = 0);
 
 /// The data, one line a point, numbers that read back to the same value (inf, -inf, nan for the
 /// rest): `series,X,Y[,lower,upper]`, `label,VALUE,note` and `X,Y,VALUE`, where X, Y and VALUE are

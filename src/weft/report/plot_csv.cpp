@@ -36,7 +36,7 @@ void write_text(const std::filesystem::path& path, const std::string& text) {
 
 template <typename Plot>
 void write_both(const std::filesystem::path& path, const Plot& plot) {
-  write_text(path, to_svg(plot));
+  write_text(path, to_svg(plot, "plot", 12));
   write_text(std::filesystem::path(path).replace_extension(".csv"), to_csv(plot));
 }
 

@@ -103,7 +103,7 @@ figure { margin: 0; min-width: 0; }
   justify-content: space-between; gap: 0 12px; }
 .key { color: var(--soft); font-size: 12px; display: inline-flex; align-items: center; gap: 5px; }
 .swatch { display: inline-block; width: 10px; height: 10px; border-radius: 2px; }
-.scale { display: inline-block; width: 64px; height: 9px; border-radius: 2px; }
+.scale { display: inline-block; width: 96px; height: 9px; border-radius: 2px; }
 .controls { display: flex; align-items: center; gap: 12px; margin: 16px auto 4px; max-width: 1040px; }
 .controls input[type=range] { flex: 1; min-width: 0; accent-color: var(--accent); margin: 0; height: 24px; }
 .controls button, .controls select { font: inherit; font-size: 14px; color: var(--ink); height: 34px;

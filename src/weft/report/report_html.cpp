@@ -188,8 +188,8 @@ std::string measured_section(const Report& report) {
     html += cell("Swatch",
                  fmt::format("{} × {}", format_short(c.width), short_with_unit(c.height, "m")));
     html += cell("Areal density", short_with_unit(c.areal_density, "kg/m^2"));
-    html += cell("Video",
-                 fmt::format("{} at {}", c.frame_count, short_with_unit(c.frame_rate, "frames/s")));
+    html +=
+        cell("Video", fmt::format("{} frames, {}/s", c.frame_count, format_short(c.frame_rate)));
     html += cell("Fit frames", fmt::format("{} to {}", c.fit_first, c.fit_last));
     html += cell("Validation frames", validation == 0 ? "none" : std::to_string(validation));
     html += cell("Simulated as", fmt::format("{} × {} vertices", c.columns, c.rows));

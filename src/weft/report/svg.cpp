@@ -64,15 +64,17 @@ void Svg::open(std::string_view attributes) { body_ += fmt::format("<g {}>\n", a
 void Svg::close() { body_ += "</g>\n"; }
 void Svg::raw(std::string_view markup) { body_ += markup; }
 
-std::string Svg::document(double width, double height, std::string_view title,
+std::string Svg::document(double width, double height, double margin, std::string_view title,
                           std::string_view attributes) const {
   return fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"weft-plot\" width=\"{0}\" height=\"{1}\" "
-      "viewBox=\"0 0 {0} {1}\" role=\"img\" aria-label=\"{2}\" "
+      "viewBox=\"{2} {2} {0} {1}\" role=\"img\" aria-label=\"{3}\" "
       "font-family=\"system-ui, 'Segoe UI', Helvetica, Arial, 'DejaVu Sans', sans-serif\" "
-      "font-size=\"12\" {3}>\n"
-      "<rect class=\"ground\" width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>\n{4}</svg>\n",
-      px(width), px(height), escape_xml(title), attributes, body_);
+      "font-size=\"12\" {4}>\n"
+      "<rect class=\"ground\" x=\"{2}\" y=\"{2}\" width=\"{0}\" height=\"{1}\" "
+      "fill=\"#ffffff\"/>\n{5}</svg>\n",
+      px(width + 2 * margin), px(height + 2 * margin), px(-margin), escape_xml(title), attributes,
+      body_);
 }
 
 }  // namespace weft

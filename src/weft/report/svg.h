@@ -21,8 +21,8 @@ class Svg {
   void close();
   void raw(std::string_view markup);
 
-  /// The document. `attributes` go to its root element.
-  std::string document(double width, double height, std::string_view title,
+  /// The document, with `margin` px added on all sides. `attributes` go to its root element.
+  std::string document(double width, double height, double margin, std::string_view title,
                        std::string_view attributes) const;
 
  private:
