@@ -55,7 +55,7 @@ MatX dense_free(const SparseMatrix& matrix, const std::vector<char>& held) {
 void expect_solves(const TriangleMesh& mesh, const std::vector<char>& held) {
   const int n = mesh.vertex_count();
   const SparseMatrix matrix = random_matrix(mesh, 60);
-  SparseCholesky cholesky(matrix, held, mesh.material);
+  SparseCholesky<double> cholesky(matrix, held, mesh.material);
   ASSERT_TRUE(cholesky.factorize(matrix));
   const Points b = Points::Random(3, n);
   Points masked = b;
@@ -96,7 +96,7 @@ TEST(SparseCholesky, ReportsAMatrixThatIsNotPositiveDefinite) {
   const TriangleMesh mesh = make_swatch(0.5, 0.5, 7, 7);
   const std::vector<char> held(49, 0);
   SparseMatrix matrix = random_matrix(mesh, 60);
-  SparseCholesky cholesky(matrix, held, mesh.material);
+  SparseCholesky<double> cholesky(matrix, held, mesh.material);
   matrix.coeffRef(75, 75) = -1;
   EXPECT_FALSE(cholesky.factorize(matrix));
   matrix.coeffRef(75, 75) = std::numeric_limits<double>::quiet_NaN();

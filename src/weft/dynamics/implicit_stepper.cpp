@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 
 namespace weft {
 
@@ -10,6 +11,17 @@ namespace {
 
 constexpr int kMaxHalvings = 8;
 constexpr double kMaxStepGrowth = 2.2;
+// Conjugate gradients stop when the residual (in the norm of the preconditioner) has fallen by
+// this.
+constexpr double kLinearTolerance = 0.01;
+constexpr int kMaxLinearIterations = 5;  // more cost as much as a new factor
+constexpr double kMaxRateChange = 1.3;   // between the step of a factor and the step it serves
+constexpr double kNearSolution = 3e-5;   // m; after a change below it, try the factor at hand alone
+// A change by the factor at hand is an estimate of the distance that is left, good to this.
+constexpr double kLastChange = 0.3;
+constexpr double kSufficientDecrease = 1e-4;
+constexpr double kSmallestFraction = 1e-4;
+constexpr double kRounding = 1e-13;  // of an energy
 const double kStartFraction = 2 - std::sqrt(2.0);
 
 }  // namespace
@@ -20,8 +32,10 @@ ImplicitStepper::ImplicitStepper(const ClothModel& model, const std::vector<Poin
       fixtures_(fixtures),
       options_(options),
       held_(held_vertices(fixtures, model.vertex_count())),
-      cholesky_(model.hessian_pattern(), held_, model.mesh().material),
-      hessian_(model.hessian_pattern()) {}
+      preconditioner_(model.hessian_pattern(), held_, model.mesh().material),
+      hessian_(model.hessian_pattern()),
+      projected_hessian_(model.hessian_pattern()),
+      product_(3, model.vertex_count()) {}
 
 void ImplicitStepper::start(State state) {
   current_ = std::move(state);
@@ -113,7 +127,7 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
     c_history_ += f.previous * previous->c;
   }
   next.time = time;
-  predict(time, next.x);
+  predict(time, f.rate, next.x);
   if (!newton(next, f.rate, counts, reason)) return false;
   next.v = f.rate * next.x - x_history_;
   prescribe_velocities(fixtures_, time, next.v);
@@ -124,72 +138,161 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   return true;
 }
 
-void ImplicitStepper::predict(double time, Points& x) const {
-  const double h = time - current_.time;
-  x = current_.x + h * current_.v + 0.5 * h * h * current_.a;
-  prescribe_positions(fixtures_, time, x);
-}
-
-double ImplicitStepper::step_energy(const Points& x, double rate, const Points& drag) const {
+double ImplicitStepper::step_energy(const Points& x, double rate) const {
   double inertia = 0;
-  double drag_work = 0;
   for (Eigen::Index i = 0; i < x.cols(); ++i) {
     const Vec3 acceleration = rate * (rate * x.col(i) - x_history_.col(i)) - v_history_.col(i);
     inertia += model_.masses()(i) * acceleration.squaredNorm();
-    drag_work += drag.col(i).dot(x.col(i));
   }
-  return inertia / (2 * rate * rate) + model_.potential(x, {rate, &c_history_}) - drag_work;
+  return inertia / (2 * rate * rate) + model_.potential(x, {rate, &c_history_});
+}
+
+void ImplicitStepper::predict(double time, double rate, Points& x) {
+  // Where the fabric is soft or slow, its accelerations go on; where it is stiff, those of
+  // stretching come and go within a step, and the path without forces is nearer. The step's own
+  // energy tells.
+  const double h = time - current_.time;
+  x = current_.x + h * current_.v + 0.5 * h * h * current_.a;
+  trial_ = (rate * x_history_ + v_history_) / (rate * rate);
+  prescribe_positions(fixtures_, time, x);
+  prescribe_positions(fixtures_, time, trial_);
+  if (!(step_energy(x, rate) <= step_energy(trial_, rate))) std::swap(x, trial_);
+}
+
+/// gradient_ of the step's energy (with drag as a force) at the free vertices and, unless `kind` is
+/// empty, hessian_.
+void ImplicitStepper::linearize(const State& next, double rate, std::optional<HessianKind> kind) {
+  const DampingRate damping{rate, &c_history_};
+  velocity_ = rate * next.x - x_history_;
+  prescribe_velocities(fixtures_, next.time, velocity_);
+  drag_.setZero(3, velocity_.cols());
+  model_.add_drag(next.x, velocity_, drag_);
+  if (kind) {
+    assemble(next.x, rate, *kind, gradient_, hessian_);
+  } else {
+    model_.potential_gradient(next.x, damping, gradient_);
+  }
+  for (Eigen::Index i = 0; i < gradient_.cols(); ++i) {
+    if (held_[static_cast<std::size_t>(i)]) {
+      gradient_.col(i).setZero();
+    } else {
+      gradient_.col(i) +=
+          model_.masses()(i) * (rate * velocity_.col(i) - v_history_.col(i)) - drag_.col(i);
+    }
+  }
+}
+
+/// Hessian of the step's energy and of drag, and the gradient of the potential alone.
+void ImplicitStepper::assemble(const Points& x, double rate, HessianKind kind, Points& gradient,
+                               SparseMatrix& hessian) {
+  hessian.coeffs().setZero();
+  model_.potential_hessian(x, {rate, &c_history_}, kind, gradient, hessian);
+  model_.add_drag_damping(x, velocity_, rate, hessian);
+  const auto diagonal = model_.diagonal_slots();
+  for (Eigen::Index i = 0; i < x.cols(); ++i) {
+    for (int k = 0; k < 3; ++k) {
+      hessian.valuePtr()[diagonal[static_cast<std::size_t>(3 * i + k)]] +=
+          model_.masses()(i) * rate * rate;
+    }
+  }
+}
+
+/// A new factor: of hessian_ or, if that is indefinite, of its positive definite projection.
+bool ImplicitStepper::refactorize(const Points& x, double rate, Trajectory& counts) {
+  factor_rate_ = rate;
+  ++counts.factorizations;
+  if (preconditioner_.factorize(hessian_)) return true;
+  assemble(x, rate, HessianKind::positive_semidefinite, unused_gradient_, projected_hessian_);
+  ++counts.factorizations;
+  const bool factorized = preconditioner_.factorize(projected_hessian_);
+  if (!factorized) factor_rate_ = 0;
+  return factorized;
+}
+
+/// direction_ = - hessian_^-1 gradient_, nearly, by conjugate gradients that start from the factor
+/// at hand. They stop early where the matrix turns out to be indefinite: what they have by then
+/// leads downhill. False if the factor is too far from the matrix.
+bool ImplicitStepper::find_direction() {
+  residual_ = -gradient_;
+  scaled_residual_ = residual_;
+  preconditioner_.solve(scaled_residual_);
+  search_ = scaled_residual_;
+  direction_.setZero(3, gradient_.cols());
+  double square = residual_.cwiseProduct(scaled_residual_).sum();
+  const double goal = kLinearTolerance * kLinearTolerance * square;
+  for (int iteration = 0; iteration < kMaxLinearIterations; ++iteration) {
+    flat(product_).noalias() = hessian_.selfadjointView<Eigen::Lower>() * flat(search_);
+    for (const PointFixture& fixture : fixtures_) product_.col(fixture.vertex).setZero();
+    const double curvature = search_.cwiseProduct(product_).sum();
+    if (!(curvature > 0)) {
+      if (iteration == 0) direction_ = search_;
+      return true;
+    }
+    const double length = square / curvature;
+    direction_ += length * search_;
+    residual_ -= length * product_;
+    scaled_residual_ = residual_;
+    preconditioner_.solve(scaled_residual_);
+    const double next_square = residual_.cwiseProduct(scaled_residual_).sum();
+    if (next_square <= goal) return true;
+    search_ = scaled_residual_ + next_square / square * search_;
+    square = next_square;
+  }
+  return false;
+}
+
+/// Largest fraction 1, 1/2, 1/4 ... of direction_ that lowers the step's energy enough. Drag enters
+/// as a constant force.
+double ImplicitStepper::search_line(const Points& x, double rate) {
+  const double slope = gradient_.cwiseProduct(direction_).sum();
+  const double drag_slope = drag_.cwiseProduct(direction_).sum();
+  const double before = step_energy(x, rate);
+  double fraction = 1;
+  for (; fraction > kSmallestFraction; fraction *= 0.5) {
+    trial_ = x + fraction * direction_;
+    const double change = step_energy(trial_, rate) - before - fraction * drag_slope;
+    if (change <= kSufficientDecrease * fraction * slope + kRounding * std::abs(before)) break;
+  }
+  return fraction;
 }
 
 bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::string& reason) {
-  const DampingRate damping{rate, &c_history_};
-  const VecX& masses = model_.masses();
-  const auto diagonal = model_.diagonal_slots();
-  Points velocity;
+  const double tolerance = options_.newton_tolerance;
+  const auto fail = [&](const char* why) {
+    reason = why;
+    factor_rate_ = 0;  // whatever led here, do not trust this factor
+    return false;
+  };
+  double change = std::numeric_limits<double>::infinity();
   for (int iteration = 0; iteration < options_.max_newton_iterations; ++iteration) {
     ++counts.newton_iterations;
-    hessian_.coeffs().setZero();
-    model_.potential_hessian(next.x, damping, HessianKind::positive_semidefinite, gradient_,
-                             hessian_);
-    velocity = rate * next.x - x_history_;
-    prescribe_velocities(fixtures_, next.time, velocity);
-    drag_.setZero(3, velocity.cols());
-    model_.add_drag(next.x, velocity, drag_);
-    model_.add_drag_damping(next.x, velocity, rate, hessian_);
-    for (Eigen::Index i = 0; i < masses.size(); ++i) {
-      gradient_.col(i) += masses(i) * (rate * velocity.col(i) - v_history_.col(i)) - drag_.col(i);
-      for (int k = 0; k < 3; ++k) {
-        hessian_.valuePtr()[diagonal[static_cast<std::size_t>(3 * i + k)]] +=
-            masses(i) * rate * rate;
+    if (change < kNearSolution) {
+      linearize(next, rate, std::nullopt);
+      direction_ = -gradient_;
+      preconditioner_.solve(direction_);
+      if (direction_.cwiseAbs().maxCoeff() < kLastChange * tolerance) {
+        next.x += direction_;
+        return true;
       }
     }
-    direction_ = -gradient_;
-    ++counts.factorizations;
-    if (!cholesky_.factorize(hessian_)) {
-      reason = "the matrix of a step is not positive definite";
-      return false;
+    // Far from the solution the exact Hessian is often indefinite.
+    linearize(next, rate, iteration == 0 ? HessianKind::positive_semidefinite : HessianKind::exact);
+    const double rate_change = factor_rate_ > 0 ? std::abs(std::log(rate / factor_rate_)) : 1;
+    const bool usable = rate_change < std::log(kMaxRateChange);
+    if (!usable || !find_direction()) {
+      if (!refactorize(next.x, rate, counts)) {
+        return fail("the matrix of a step is not positive definite");
+      }
+      find_direction();
     }
-    cholesky_.solve(direction_);
     const double largest = direction_.cwiseAbs().maxCoeff();
-    if (!std::isfinite(largest)) {
-      reason = "the solution ceased to be finite";
-      return false;
-    }
-    const double slope = (gradient_.cwiseProduct(direction_)).sum();
-    double fraction = 1;
-    if (largest > options_.newton_tolerance) {
-      const double before = step_energy(next.x, rate, drag_);
-      for (; fraction > 1e-4; fraction *= 0.5) {
-        trial_ = next.x + fraction * direction_;
-        const double after = step_energy(trial_, rate, drag_);
-        if (after <= before + 1e-4 * fraction * slope + 1e-13 * std::abs(before)) break;
-      }
-    }
+    if (!std::isfinite(largest)) return fail("the solution ceased to be finite");
+    const double fraction = largest > tolerance ? search_line(next.x, rate) : 1;
+    change = fraction * largest;
     next.x += fraction * direction_;
-    if (fraction * largest < options_.newton_tolerance) return true;
+    if (change < tolerance) return true;
   }
-  reason = "Newton's method did not converge";
-  return false;
+  return fail("Newton's method did not converge");
 }
 
 }  // namespace weft

@@ -67,22 +67,30 @@ class ImplicitStepper {
   bool solve_stage(double time, const Formula& f, const State* previous, State& next,
                    Trajectory& counts, std::string& reason);
   bool newton(State& next, double rate, Trajectory& counts, std::string& reason);
-  double step_energy(const Points& x, double rate, const Points& drag) const;
-  void predict(double time, Points& x) const;
+  void predict(double time, double rate, Points& x);
+  double step_energy(const Points& x, double rate) const;
+  void linearize(const State& next, double rate, std::optional<HessianKind> kind);
+  void assemble(const Points& x, double rate, HessianKind kind, Points& gradient,
+                SparseMatrix& hessian);
+  bool refactorize(const Points& x, double rate, Trajectory& counts);
+  bool find_direction();
+  double search_line(const Points& x, double rate);
 
   const ClothModel& model_;
   const std::vector<PointFixture>& fixtures_;
   SimulationOptions options_;
   std::vector<char> held_;
-  SparseCholesky cholesky_;
+  SparseCholesky<float> preconditioner_;
+  double factor_rate_ = 0;  // of the step that the factor was made for; 0: none yet
   State current_;
   std::optional<State> previous_;
   // Of the step at hand.
   Points x_history_, v_history_;
   VecX c_history_;
   // Work space.
-  SparseMatrix hessian_;
-  Points gradient_, drag_, direction_, trial_;
+  SparseMatrix hessian_, projected_hessian_;
+  Points velocity_, gradient_, unused_gradient_, drag_, direction_, trial_;
+  Points residual_, scaled_residual_, search_, product_;
 };
 
 }  // namespace weft

@@ -33,7 +33,7 @@ class Equilibrium {
   const ClothModel& model_;
   StaticOptions options_;
   std::vector<char> held_;
-  SparseCholesky cholesky_;
+  SparseCholesky<double> cholesky_;
   SparseMatrix hessian_;
   Points x_, gradient_, direction_, trial_;
   double regularization_ = kFirstRegularization;
