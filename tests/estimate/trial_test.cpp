@@ -1,11 +1,11 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <limits>
-#include <numbers>
 
 #include "weft/base/error.h"
 #include "weft/estimate/cross.h"
@@ -13,11 +13,12 @@
 #include "weft/estimate/fit.h"
 #include "weft/estimate/problem.h"
 #include "weft/estimate/synthetic.h"
+#include "weft/registration/stripe_surface.h"
 
 namespace weft {
 namespace {
 
-/// A small swatch, a small image, a few frames: 11 x 11 vertices as truth, 9 x 9 to fit.
+/// A small swatch, a small image, a few frames: 17 x 17 vertices as truth, 13 x 13 to fit.
 LayoutOptions small_layout() {
   LayoutOptions layout;
   layout.width = layout.height = 0.3;
@@ -32,7 +33,7 @@ LayoutOptions small_layout() {
 
 TrialOptions small_trial() {
   TrialOptions options;
-  options.columns = options.rows = 9;
+  options.columns = options.rows = 13;
   options.angle_map.kernel_radius = 4;
   options.angle_map.blur_sigma = 2;
   options.simulation.steps_per_frame = 2;
@@ -54,21 +55,24 @@ class TrialTest : public testing::Test {
     root_ =
         std::filesystem::path(testing::TempDir()) / ("weft-trial-" + std::to_string(::getpid()));
     SyntheticOptions options;
-    options.columns = options.rows = 11;
+    options.columns = options.rows = 17;
     options.simulation.steps_per_frame = 4;
     capture_ = std::make_unique<Capture>(make_synthetic_capture(
         root_ / "swatch", make_layout(small_layout()), test_fabric(), options));
     trial_ = prepare_trial(*capture_, 0, 4, small_trial());
+    first_ = prepare_trial(*capture_, 0, 0, small_trial());
   }
   static void TearDownTestSuite() {
     trial_.reset();
+    first_.reset();
     capture_.reset();
     std::filesystem::remove_all(root_);
   }
 
   static inline std::filesystem::path root_;
   static inline std::unique_ptr<Capture> capture_;
-  static inline std::shared_ptr<const Trial> trial_;
+  static inline std::shared_ptr<const Trial> trial_;  ///< all frames
+  static inline std::shared_ptr<const Trial> first_;  ///< the first frame alone
 };
 
 void expect_same_error(const TrialEvaluation& a, const TrialEvaluation& b) {
@@ -91,7 +95,7 @@ TEST_F(TrialTest, SyntheticCaptureReadsBackAsItWasLaidOut) {
   EXPECT_NEAR(separation, 0.75 * layout.width, 1e-6);
   ASSERT_TRUE(capture_->truth);
   const TruthSurface truth = read_truth(*capture_);
-  EXPECT_EQ(truth.mesh.vertex_count(), 121);
+  EXPECT_EQ(truth.mesh.vertex_count(), 289);
   EXPECT_EQ(truth.frames.size(), 5u);
   // The right corner moves away from rest with no velocity.
   const Motion& right = capture_->fixtures[1].motion;
@@ -101,8 +105,8 @@ TEST_F(TrialTest, SyntheticCaptureReadsBackAsItWasLaidOut) {
 
 TEST_F(TrialTest, HasFeaturesOfEachFrame) {
   ASSERT_EQ(trial_->frame_count(), 5);
-  EXPECT_FALSE(trial_->start_name.empty());
-  EXPECT_EQ(trial_->scene.start.cols(), 81);
+  EXPECT_EQ(trial_->start_name, "measured surface") << trial_->start_note;
+  EXPECT_EQ(trial_->scene.start.cols(), 169);
   EXPECT_TRUE(trial_->scene.start.allFinite());
   for (const FrameFeatures& f : trial_->features) {
     EXPECT_GT((f.silhouette != 0).count(), 2000);
@@ -157,6 +161,39 @@ TEST_F(TrialTest, TheTrueFabricFitsBetterThanOthers) {
   soft.set("stretch_stiffness", 12);
   EXPECT_LT(right, 0.7 * evaluate(*trial_, stiff).error);
   EXPECT_LT(right, 0.7 * evaluate(*trial_, soft).error);
+}
+
+// Without contrast between the stripes nothing can be triangulated.
+TEST_F(TrialTest, WithoutStripesAGenericStartIsChosenAndNamed) {
+  Trajectory trajectory;
+  evaluate(*first_, test_fabric(), 1, &trajectory);
+  Rig rig = capture_->rig;
+  rig.pattern.black_level = 1;
+  Renderer renderer(rig, first_->scene.mesh);
+  LayoutOptions layout = small_layout();
+  layout.frame_count = layout.fit_frames = 1;
+  CaptureFiles files;
+  files.frames = {renderer.render(trajectory.frames[0]).intensity};
+  files.as_images = true;
+  write_capture(root_ / "unstriped", make_layout(layout), files);
+  const Capture capture = read_capture(root_ / "unstriped");
+  TrialOptions trial_options = small_trial();
+  trial_options.columns = trial_options.rows = 9;
+  const auto trial = prepare_trial(capture, 0, 0, trial_options);
+  EXPECT_FALSE(trial->start_note.empty());
+  std::vector<std::string> names;
+  for (const StartShape& start : generic_starts(trial->scene)) names.push_back(start.name);
+  const auto chosen = std::find(names.begin(), names.end(), trial->start_name);
+  ASSERT_NE(chosen, names.end()) << trial->start_name;
+  const auto index = static_cast<std::size_t>(chosen - names.begin());
+  EXPECT_EQ(trial->scene.start, generic_starts(trial->scene)[index].x);
+  // No other start looks more like the frame.
+  const double error = evaluate(*trial, Fabric::with_defaults("default")).error;
+  for (const StartShape& start : generic_starts(trial->scene)) {
+    Trial other = *trial;
+    other.scene.start = start.x;
+    EXPECT_LE(error, evaluate(other, Fabric::with_defaults("default")).error) << start.name;
+  }
 }
 
 TEST_F(TrialTest, CacheGivesTheSameTrial) {
@@ -232,10 +269,9 @@ TEST_F(TrialTest, ADivergedSimulationIsAnInfiniteErrorAndNoException) {
 }
 
 TEST_F(TrialTest, SeveralTrialsWeighTheSame) {
-  const auto one_frame = prepare_trial(*capture_, 0, 0, small_trial());
-  const Problem problem({trial_, one_frame}, test_fabric(), {"bend_stiffness"});
+  const Problem problem({trial_, first_}, test_fabric(), {"bend_stiffness"});
   const TrialEvaluation a = evaluate(*trial_, test_fabric());
-  const TrialEvaluation b = evaluate(*one_frame, test_fabric());
+  const TrialEvaluation b = evaluate(*first_, test_fabric());
   const ProblemEvaluation both = evaluate(problem, test_fabric());
   EXPECT_DOUBLE_EQ(both.error, 0.5 * a.error_per_mask_pixel + 0.5 * b.error_per_mask_pixel);
   EXPECT_DOUBLE_EQ(both.error_per_frame, 0.5 * a.error + 0.5 * b.error);
@@ -251,10 +287,10 @@ TEST_F(TrialTest, CaptureEvaluationSplitsFitAndValidation) {
   EXPECT_NEAR(e.validation->fold, (e.frames[3].error.fold + e.frames[4].error.fold) / 2, 1e-9);
   EXPECT_FALSE(e.fit.distance);
   EXPECT_FALSE(e.frames[0].distance);
-  const auto fit_only = prepare_trial(*capture_, 0, 2, small_trial());
-  EXPECT_FALSE(evaluate_capture(*fit_only, test_fabric(), false).validation);
-  const auto too_short = prepare_trial(*capture_, 0, 1, small_trial());
-  EXPECT_THROW(evaluate_capture(*too_short, test_fabric(), false), Error);
+  Trial fit_only = *trial_;
+  fit_only.features.resize(3);
+  EXPECT_FALSE(evaluate_capture(fit_only, test_fabric(), false).validation);
+  EXPECT_THROW(evaluate_capture(*first_, test_fabric(), false), Error);
 }
 
 TEST_F(TrialTest, DistanceToTheTruthIsMeasuredOnlyWhenAskedFor) {
@@ -307,23 +343,21 @@ TEST_F(TrialTest, AFitRecoversBendFromAnotherMesh) {
 TEST_F(TrialTest, CrossEvaluationIsTheErrorOfEachPair) {
   Fabric stiff = test_fabric();
   stiff.set("bend_stiffness", 8e-4);
-  const auto first = prepare_trial(*capture_, 0, 0, small_trial());
-  const CrossEvaluation cross = cross_evaluate({test_fabric(), stiff}, {trial_, first}, 2);
+  const CrossEvaluation cross = cross_evaluate({test_fabric(), stiff}, {trial_, first_}, 2);
   ASSERT_EQ(cross.error.rows(), 2);
   ASSERT_EQ(cross.error.cols(), 2);
   EXPECT_EQ(cross.error(1, 0), evaluate(*trial_, stiff).error);
-  EXPECT_EQ(cross.error(0, 1), evaluate(*first, test_fabric()).error);
+  EXPECT_EQ(cross.error(0, 1), evaluate(*first_, test_fabric()).error);
   EXPECT_LT(cross.error(0, 0), cross.error(1, 0));
 }
 
 TEST_F(TrialTest, OfTwoFitsTheOneWithTheSmallerSumIsKept) {
-  const auto first = prepare_trial(*capture_, 0, 0, small_trial());
   FitOptions options;
   options.coarse_parameters = {"bend_stiffness"};
   options.annealing.max_evaluations = 5;
   options.with_variability = false;
   const TrialSelection s =
-      fit_and_select({first, trial_}, test_fabric(), {"bend_stiffness"}, options);
+      fit_and_select({first_, trial_}, test_fabric(), {"bend_stiffness"}, options);
   ASSERT_EQ(s.fits.size(), 2u);
   ASSERT_EQ(s.sum.size(), 2);
   EXPECT_NEAR(s.sum[0], s.cross.error(0, 0) + s.cross.error(0, 1), 1e-12);
