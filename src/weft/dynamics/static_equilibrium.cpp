@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "weft/base/random.h"
 #include "weft/dynamics/simulate.h"
 #include "weft/dynamics/sparse_cholesky.h"
 #include "weft/dynamics/state.h"
@@ -9,9 +10,16 @@ namespace weft {
 
 namespace {
 
-constexpr double kFirstRegularization = 1e4;  // 1/s^2
-constexpr double kLastRegularization = 1e-6;  // 1/s^2; keeps free rigid motions regular
-constexpr double kMaxRegularization = 1e12;   // 1/s^2
+// The regularization is an inverse square of a time step: the step of a motion that forgets its
+// velocity. It shrinks as steps succeed.
+constexpr double kFirstRegularization = 1e4;   // 1/s^2
+constexpr double kLeastRegularization = 1e-6;  // 1/s^2; keeps free rigid motions regular
+constexpr double kMostRegularization = 1e12;   // 1/s^2
+constexpr double kSufficientDecrease = 1e-4;
+constexpr double kSmallestFraction = 1e-3;
+constexpr double kRounding = 1e-14;    // of the potential
+constexpr int kLongestPause = 16;      // iterations before the exact Hessian is tried again
+constexpr double kFirstEscape = 1e-4;  // m, along a direction of negative curvature
 
 class Equilibrium {
  public:
@@ -28,7 +36,10 @@ class Equilibrium {
  private:
   double largest_free_force() const;
   bool factorize(HessianKind kind);
-  double step(double potential);
+  bool factorize_for_direction();
+  bool find_step();
+  bool is_stable();
+  void escape();
 
   const ClothModel& model_;
   StaticOptions options_;
@@ -36,7 +47,10 @@ class Equilibrium {
   SparseCholesky<double> cholesky_;
   SparseMatrix hessian_;
   Points x_, gradient_, direction_, trial_;
+  double potential_ = 0;
   double regularization_ = kFirstRegularization;
+  bool exact_ = false;  // the factor at hand is of the exact Hessian
+  int pause_ = 1, until_exact_ = 1;
 };
 
 double Equilibrium::largest_free_force() const {
@@ -62,39 +76,106 @@ bool Equilibrium::factorize(HessianKind kind) {
   return cholesky_.factorize(hessian_);
 }
 
+/// The exact Hessian converges fast, where it is positive definite; the projected one always leads
+/// downhill. After each vain try of the first the pause before the next one doubles.
+bool Equilibrium::factorize_for_direction() {
+  if (--until_exact_ <= 0) {
+    exact_ = factorize(HessianKind::exact);
+    if (exact_) {
+      pause_ = 1;
+      return true;
+    }
+    pause_ = std::min(2 * pause_, kLongestPause);
+    until_exact_ = pause_;
+  }
+  exact_ = false;
+  while (!factorize(HessianKind::positive_semidefinite)) {
+    regularization_ *= 10;
+    if (!(regularization_ < kMostRegularization)) return false;
+  }
+  return true;
+}
+
+/// Moves x_ along the Newton direction. False if the potential cannot be lowered.
+bool Equilibrium::find_step() {
+  direction_ = -gradient_;
+  cholesky_.solve(direction_);
+  const double slope = gradient_.cwiseProduct(direction_).sum();
+  for (double fraction = 1; fraction > kSmallestFraction; fraction *= 0.5) {
+    trial_ = x_ + fraction * direction_;
+    const double after = model_.potential(trial_, {});
+    const double allowed =
+        kSufficientDecrease * fraction * slope + kRounding * std::abs(potential_);
+    if (after - potential_ <= allowed) {
+      // Half of the slope is what a quadratic function yields.
+      const bool as_predicted = fraction == 1 && after - potential_ <= 0.25 * slope + kRounding;
+      regularization_ *= as_predicted ? (exact_ ? 0.1 : 0.25) : (fraction == 1 ? 1 : 2);
+      regularization_ = std::clamp(regularization_, kLeastRegularization, kMostRegularization);
+      std::swap(x_, trial_);
+      potential_ = after;
+      return true;
+    }
+  }
+  regularization_ *= 16;
+  return regularization_ < kMostRegularization;
+}
+
+bool Equilibrium::is_stable() {
+  if (exact_) return true;
+  const double kept = regularization_;
+  regularization_ = kLeastRegularization;
+  const bool stable = factorize(HessianKind::exact);
+  regularization_ = kept;
+  return stable;
+}
+
+/// Leaves a saddle along its direction of most negative curvature, found by inverse iteration, on
+/// the side and as far as the potential falls.
+void Equilibrium::escape() {
+  do {
+    regularization_ = std::max(4 * regularization_, 1.0);
+  } while (!factorize(HessianKind::exact) && regularization_ < kMostRegularization);
+  Rng rng(1);
+  direction_.resizeLike(x_);
+  for (Eigen::Index i = 0; i < direction_.size(); ++i) direction_.data()[i] = rng.normal();
+  for (int iteration = 0; iteration < 5; ++iteration) {
+    for (Eigen::Index i = 0; i < direction_.cols(); ++i) direction_.col(i) *= model_.masses()(i);
+    cholesky_.solve(direction_);
+    direction_ /= direction_.cwiseAbs().maxCoeff();
+  }
+  double step = kFirstEscape;
+  trial_ = x_ + step * direction_;
+  const Points other = x_ - step * direction_;
+  if (model_.potential(other, {}) < model_.potential(trial_, {})) step = -step;
+  double best = potential_;
+  Points from = x_;
+  for (;; step *= 2) {
+    trial_ = from + step * direction_;
+    const double potential = model_.potential(trial_, {});
+    if (!(potential < best)) break;
+    best = potential;
+    std::swap(x_, trial_);
+  }
+  potential_ = best;
+}
+
 StaticResult Equilibrium::solve(Points start) {
   x_ = std::move(start);
   StaticResult result;
-  double potential = model_.potential(x_, {});
+  potential_ = model_.potential(x_, {});
   for (; result.iterations < options_.max_iterations; ++result.iterations) {
-    if (!factorize(HessianKind::positive_semidefinite)) {
-      regularization_ *= 10;
-      if (regularization_ > kMaxRegularization) break;
+    if (!factorize_for_direction()) break;
+    result.residual = largest_free_force();
+    if (!std::isfinite(result.residual)) break;
+    if (result.residual < options_.force_tolerance) {
+      if (is_stable()) {
+        result.converged = true;
+        break;
+      }
+      escape();
       continue;
     }
-    result.residual = largest_free_force();
-    if (result.residual < options_.force_tolerance) {
-      result.converged = true;
-      break;
-    }
-    if (!std::isfinite(result.residual)) break;
-    direction_ = -gradient_;
-    cholesky_.solve(direction_);
-    const double slope = (gradient_.cwiseProduct(direction_)).sum();
-    double fraction = 1;
-    double after = potential;
-    for (; fraction > 1e-4; fraction *= 0.5) {
-      trial_ = x_ + fraction * direction_;
-      after = model_.potential(trial_, {});
-      if (after <= potential + 1e-4 * fraction * slope + 1e-14 * std::abs(potential)) break;
-    }
-    x_ = trial_;
-    potential = after;
-    if (fraction == 1) {
-      regularization_ = std::max(regularization_ / 4, kLastRegularization);
-    } else {
-      regularization_ = std::min(regularization_ * 4, kMaxRegularization);
-    }
+    if (!find_step()) break;
   }
   result.x = std::move(x_);
   return result;
