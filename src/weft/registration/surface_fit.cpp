@@ -37,9 +37,13 @@ constexpr std::array<Stage, 6> schedule = {{
     {0.060, 0.040, 25, 5e-4, 6, 2},
     {0.040, 0.030, 60, 2e-4, 6, 2},
     {0.020, 0.020, 120, 1e-4, 6, 2},
-    {0.010, 0.012, 250, 1e-4, 6, 2},
-    {0.005, 0.010, 250, 1e-4, 6, 2},
+    {0.010, 0.015, 250, 5e-5, 6, 2},
+    {0.005, 0.015, 250, 5e-5, 6, 2},
 }};
+
+// The start is chosen after this many stages: still stiff, the sheet shows by its elastic energy
+// where a start has put a fold on the wrong side.
+constexpr std::size_t choice_stage = 4;
 
 /// Pulls the point of a triangle towards a plane: 1/2 weight (normal . (sum b_i x_i) - offset)^2.
 struct PlaneTerm {
@@ -181,8 +185,9 @@ class SurfaceFitter {
   SurfaceFitter(const StripePoints& points, const Mask& silhouette, const Rig& rig,
                 const Scene& scene);
 
-  /// Anneals from `x`; returns the final energy, J: elastic, gravity, and robust misfit.
-  double fit(Points& x);
+  /// Anneals `x` through the stages first..last - 1 of the schedule; returns the energy at the last
+  /// of them, J: elastic, gravity, and robust misfit.
+  double anneal(Points& x, std::size_t first, std::size_t last);
   /// Distances of the points to the surface, m; NaN for points that see no cloth.
   std::vector<double> distances(const Points& x, Eigen::VectorXi& support);
 
@@ -190,7 +195,7 @@ class SurfaceFitter {
   void set_stage(const Stage& stage);
   void associate_points(const Points& x, const Stage& stage);
   void associate_contour(const Points& x, const Stage& stage);
-  double misfit(const Points& x);
+  double misfit(const Points& x, const Stage& stage);
   void keep_inside(const Points& x, const Stage& stage);
   PlaneTerm image_term(const Points& x, int triangle, const Vec3& barycentric,
                        const ContourPoint& target) const;
@@ -479,9 +484,10 @@ bool SurfaceFitter::newton_step(Points& x) {
   return false;
 }
 
-double SurfaceFitter::fit(Points& x) {
+double SurfaceFitter::anneal(Points& x, std::size_t first, std::size_t last) {
   damping_ = 100;
-  for (const Stage& stage : schedule) {
+  for (std::size_t k = first; k < last; ++k) {
+    const Stage& stage = schedule[k];
     set_stage(stage);
     for (int round = 0; round < stage.rounds; ++round) {
       visible_.update(x);
@@ -494,11 +500,10 @@ double SurfaceFitter::fit(Points& x) {
       }
     }
   }
-  return misfit(x) + model_.potential(x, {});
+  return misfit(x, schedule[last - 1]) + model_.elastic_energy(x);
 }
 
-double SurfaceFitter::misfit(const Points& x) {
-  const Stage& stage = schedule.back();
+double SurfaceFitter::misfit(const Points& x, const Stage& stage) {
   const double point_stiffness = weight_ / stage.give * point_area_;
   const double scale_squared = stage.scale * stage.scale;
   visible_.update(x);
@@ -542,6 +547,16 @@ std::vector<double> SurfaceFitter::distances(const Points& x, Eigen::VectorXi& s
   return result;
 }
 
+/// The flat sheet, bulged to either side, and folded once to either side: what the annealing cannot
+/// turn into one another is the side of the first fold.
+std::vector<Points> fit_starts(const Scene& scene) {
+  std::vector<Points> starts{flat_sheet(scene)};
+  for (StartShape& shape : generic_starts(scene)) {
+    if (starts.size() < 5) starts.push_back(std::move(shape.x));
+  }
+  return starts;
+}
+
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
   const auto k = std::min(values.size() - 1,
@@ -551,8 +566,6 @@ double quantile(std::vector<double> values, double share) {
 }
 
 }  // namespace
-
-void (*debug_hook)(const StartShape&, double) = nullptr;
 
 SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const Rig& rig,
                        const Scene& scene) {
@@ -566,17 +579,14 @@ SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const
     return result;
   }
   SurfaceFitter fitter(points, silhouette, rig, scene);
-  std::vector<StartShape> starts = generic_starts(scene);
-  starts.insert(starts.begin(), {"flat", flat_sheet(scene)});
   double least = std::numeric_limits<double>::infinity();
-  for (StartShape& start : starts) {
-    const double energy = fitter.fit(start.x);
-    if (debug_hook) debug_hook(start, energy);
-    if (energy < least) {
-      least = energy;
-      result.x = start.x;
-    }
+  for (Points& start : fit_starts(scene)) {
+    const double energy = fitter.anneal(start, 0, choice_stage);
+    if (!(energy < least)) continue;
+    least = energy;
+    result.x = std::move(start);
   }
+  fitter.anneal(result.x, choice_stage, schedule.size());
   std::vector<double> distances = fitter.distances(result.x, result.support);
   std::erase_if(distances, [](double distance) { return std::isnan(distance); });
   result.residual_median = quantile(distances, 0.5);
