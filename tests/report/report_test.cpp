@@ -1,0 +1,99 @@
+#include "weft/report/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "report/sample_report.h"
+
+namespace weft {
+namespace {
+
+using test::infinity;
+using test::sample_report;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
+
+/// A report that gives no cause for warnings.
+Report sound_report() {
+  Report report = sample_report();
+  report.error_initial = 1;
+  report.diverged = 0;
+  report.parameters.resize(1);
+  report.remarks.clear();
+  return report;
+}
+
+TEST(ReportMeans, FitAndValidationApart) {
+  const ReportCapture capture = sample_report().captures[0];
+  const auto fit = report_means(capture, false);
+  ASSERT_TRUE(fit.has_value());
+  EXPECT_EQ(fit->frames, 2u);
+  EXPECT_DOUBLE_EQ(fit->fold, 15);
+  EXPECT_DOUBLE_EQ(fit->silhouette, 100.5);
+  EXPECT_DOUBLE_EQ(fit->error, 15 + 10.05);
+  ASSERT_TRUE(fit->distance.has_value());
+  EXPECT_DOUBLE_EQ(fit->distance->mean, 0.0015);
+  EXPECT_DOUBLE_EQ(fit->distance->rms, std::sqrt((4e-6 + 16e-6) / 2));
+  EXPECT_DOUBLE_EQ(fit->distance->max, 0.01);
+  EXPECT_DOUBLE_EQ(report_means(capture, true)->fold, 35);
+}
+
+TEST(ReportMeans, NothingWithoutFramesAndInfiniteWhereOneWasNotReached) {
+  ReportCapture capture = sample_report().captures[0];
+  capture.frames[3].error = infinity;
+  EXPECT_EQ(report_means(capture, true)->error, infinity);
+  capture.frames[2].distance.reset();
+  EXPECT_FALSE(report_means(capture, true)->distance.has_value());
+  capture.frames.resize(2);
+  EXPECT_FALSE(report_means(capture, true).has_value());
+}
+
+TEST(ReportWarnings, NoneWithoutCause) { EXPECT_TRUE(report_warnings(sound_report()).empty()); }
+
+TEST(ReportWarnings, NameParametersThatAreNotDeterminedOrAtABound) {
+  const auto warnings = report_warnings(sample_report());
+  EXPECT_THAT(warnings, Contains(HasSubstr("do not determine bend_damping")));
+  EXPECT_THAT(warnings,
+              Contains(HasSubstr("drag_linear ended at the upper end of its range (10 N·m)")));
+  EXPECT_THAT(warnings, Contains(HasSubstr("3 of 40 simulations diverged")));
+  EXPECT_EQ(warnings.back(), "A remark.");
+}
+
+TEST(ReportWarnings, LeaveHeldParametersAlone) {
+  Report report = sound_report();
+  report.parameters[0].free = false;
+  report.parameters[0].determined = false;
+  report.parameters[0].at_bound = ReportParameter::Bound::lower;
+  EXPECT_TRUE(report_warnings(report).empty());
+}
+
+TEST(ReportWarnings, SearchesThatDidNotGetAnywhere) {
+  Report report = sound_report();
+  report.stopped = true;
+  report.error = 0.95;
+  EXPECT_THAT(report_warnings(report), Contains(HasSubstr("was stopped after 40 evaluations")));
+  EXPECT_THAT(report_warnings(report), Contains(HasSubstr("hardly improved")));
+  report.error = infinity;
+  EXPECT_THAT(report_warnings(report), Contains(HasSubstr("there is no estimate")));
+}
+
+TEST(ReportWarnings, CapturesWithGuessedStartsAndPoorValidation) {
+  Report report = sound_report();
+  report.captures[0].start = "arch";
+  report.captures[0].start_measured = false;
+  EXPECT_THAT(report_warnings(report), Contains(HasSubstr("starts from a guessed shape (arch)")));
+  EXPECT_THAT(report_warnings(report), Not(Contains(HasSubstr("carry over"))));
+  // The mean of the fit frames is 25.05; of the validation frames, 4 times that.
+  for (ReportFrame& frame : report.captures[0].frames) {
+    if (frame.validation) frame.error = 100.2;
+  }
+  EXPECT_THAT(report_warnings(report), Contains(HasSubstr("4.0 times as large")));
+  report.captures[0].frames[0].error = infinity;
+  EXPECT_THAT(report_warnings(report), Contains(HasSubstr("does not reach all fit frames")));
+}
+
+}  // namespace
+}  // namespace weft
