@@ -34,12 +34,16 @@ constexpr double kReach = 2.4;
 constexpr double kPeriodPerRadius = 17.0 / 6.0;
 /// Light is divided by its mean over a Gaussian of this many radii, plus this part of the region's
 /// mean.
-constexpr double kMeanSigmaPerRadius = 1;
+constexpr double kMeanSigmaPerRadius = 1.6;
 constexpr float kMeanFloor = 0.05f;
 /// The energy of a sinusoid is about 0.8 times its variance; coefficients are divided by the local
 /// energy plus this part of that.
-constexpr float kEnergyOfVariance = 0.8f;
-constexpr float kEnergyFloor = 0.15f;
+constexpr double kEnergyOfVariance = 0.8;
+constexpr double kEnergyFloor = 0.15;
+/// Relative light that varies less than this has no stripes; and the strength that rounding
+/// reaches.
+constexpr double kLeastVariance = 1e-5;
+constexpr float kLeastStrength = 0.02f;
 /// |(C2, C3)| / C1 of a grating at the design period, averaged over its phase.
 constexpr float kGratingCoherence = 1.21f;
 
@@ -212,8 +216,8 @@ void AngleMapper::Impl::normalise(const Image& intensity) {
     }
     squares += double(sum);
   }
-  const double variance = squares / std::max(pixels, 1.0);
-  energy_floor_ = std::max(float(kEnergyFloor * kEnergyOfVariance * variance), 1e-12f);
+  const double variance = std::max(squares / std::max(pixels, 1.0), kLeastVariance);
+  energy_floor_ = float(kEnergyFloor * kEnergyOfVariance * variance);
 }
 
 /// One row of light through the five factors along x; rows outside the box are dark.
@@ -342,7 +346,7 @@ void AngleMapper::Impl::drop_undefined() {
   if (sample_.empty()) return;
   const auto at = sample_.begin() + std::ptrdiff_t(0.95 * double(sample_.size() - 1));
   std::nth_element(sample_.begin(), at, sample_.end());
-  const float least_strength = std::max(float(options_.energy_threshold) * *at, 1e-6f);
+  const float least_strength = std::max(float(options_.energy_threshold) * *at, kLeastStrength);
   const float least_coherence = float(options_.coherence_threshold) * kGratingCoherence;
   for (int y = 0; y < box_.height(); ++y) {
     const float* strength = &map_.strength(box_.y0 + y, box_.x0);

@@ -33,8 +33,8 @@ struct AngleMap {
 /// oriented energy (Freeman and Adelson 1991, appendix I), blurred first:
 /// angle = atan2(-C3, -C2) / 2, the signs turning it from across the stripes to along them.
 ///
-/// Before the filters, light is taken relative to its local mean inside the region (Gaussian of one
-/// kernel radius), and is 0 outside: shading, albedo and the background's level drop out, and the
+/// Before the filters, light is taken relative to its local mean inside the region (Gaussian of 1.6
+/// kernel radii), and is 0 outside: shading, albedo and the background's level drop out, and the
 /// silhouette is no edge. Before the blur, the coefficients are divided by the local energy C1
 /// (plus a floor), so that stripes of low and of high contrast count alike. Outside the region and
 /// on its rim of one pixel the angle is not valid. Keeps its buffers: after the first frame nothing
