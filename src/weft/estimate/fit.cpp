@@ -208,15 +208,20 @@ class Fit {
     VariabilityOptions options = options_.variability;
     options.threads = options_.threads;
     // The curves evaluate through a problem whose evaluator is this fit, so that they are counted.
+    std::size_t done = 0;
     const Problem counted(problem_.trials(), problem_.initial(), problem_.free(),
-                          [this](const Fabric& fabric, int frame_count) {
-                            return evaluate_fabric(fabric, frame_count, "variability", 1);
+                          [&](const Fabric& fabric, int frame_count) {
+                            const ProblemEvaluation evaluation =
+                                evaluate_fabric(fabric, frame_count, "variability", 1);
+                            const std::lock_guard lock(observer_mutex_);
+                            ++done;
+                            tell({"variability", result_.history.size() + done, evaluation.error,
+                                  result_.final.error, 0},
+                                 done, 0);
+                            return evaluation;
                           });
-    std::atomic<std::size_t> done = 0;
-    result_.variability = variability(counted, result_.fabric, options, nullptr, [&] {
-      const std::lock_guard lock(observer_mutex_);
-      return tell({"variability", result_.history.size(), 0, result_.final.error, 0}, ++done, 0);
-    });
+    result_.variability =
+        variability(counted, result_.fabric, options, nullptr, [&] { return !stopped_.load(); });
   }
 
   void warn() {

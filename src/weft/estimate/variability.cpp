@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// The rise of the outermost errors that is sought, and what is accepted.
-constexpr double kWantedRise = 0.015, kSmallRise = 0.005, kLargeRise = 0.05;
+constexpr double kWantedRise = 0.015, kSmallRise = 0.0075, kLargeRise = 0.05;
 
 void check(const VariabilityOptions& options) {
   if (!(options.smallest_window > 0 && options.smallest_window <= options.first_window &&

@@ -18,10 +18,10 @@ inline constexpr double at_bound_distance = 0.005;
 /// The paper perturbs by up to 0.2 %. There the error of a rendered comparison is rough (pixels
 /// flip), and a quadratic fits noise. So the half width w of the perturbations is chosen for each
 /// parameter: from `first_window` it is scaled until the outermost errors lie about 1.5 % above the
-/// middle (0.5 to 5 %), never below the paper's 0.2 %; then `samples` errors are computed over [-w,
-/// w] and w is doubled until the quadratic stands out of the noise: its rise over the window is at
-/// least `significance` times its standard error. A parameter for which that does not happen up to
-/// `largest_window`, or whose variability is above 100 %, is not determined by the data.
+/// middle (0.75 to 5 %), never below the paper's 0.2 %; then `samples` errors are computed over
+/// [-w, w] and w is doubled until the quadratic stands out of the noise: its rise over the window
+/// is at least `significance` times its standard error. A parameter for which that does not happen
+/// up to `largest_window`, or whose variability is above 100 %, is not determined by the data.
 /// Where the estimate lies at a bound only the inner side is sampled.
 struct VariabilityOptions {
   double first_window = 0.05;  ///< relative
