@@ -6,6 +6,7 @@
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
+#include "weft/base/interrupt.h"
 #include "weft/estimate/cross.h"
 #include "weft/estimate/evaluate_capture.h"
 #include "weft/report/plot.h"
@@ -62,8 +63,10 @@ void write_plots(const Arguments& arguments, const Comparison& c) {
   for (const auto& trial : c.trials) {
     LinePlot plot;
     plot.title = fmt::format("Error per frame of {}", trial->capture.name);
-    plot.x = {.label = "time", .unit = "s"};
-    plot.y = {.label = "error (equation 8)", .unit = "rad^2", .from_zero = true};
+    plot.x.label = "time";
+    plot.x.unit = "s";
+    plot.y.label = "error per frame";
+    plot.y.from_zero = true;
     for (const Fabric& fabric : c.fabrics) {
       const TrialEvaluation evaluation =
           evaluate(*trial, fabric, 0, nullptr, arguments.trial.threads());
@@ -81,6 +84,7 @@ void write_plots(const Arguments& arguments, const Comparison& c) {
 }
 
 void run(const Arguments& arguments) {
+  const InterruptGuard guard;
   if (!arguments.out.empty()) {
     prepare_output_folder(arguments.out, {},
                           arguments.overwrite ? Existing::overwrite : Existing::refuse);

@@ -1,9 +1,11 @@
 #include <fmt/core.h>
 
+#include <charconv>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "commands.h"
+#include "weft/base/error.h"
 #include "weft/fabric/fabric.h"
 
 namespace weft::app {
@@ -11,8 +13,24 @@ namespace {
 
 struct Arguments {
   std::string name;
+  std::vector<std::string> scale;
+  std::string out;
   bool json = false;
 };
+
+/// "bend_stiffness=3" multiplies that value. The result must stay inside the parameter's range.
+void apply_scale(Fabric& fabric, const std::string& text) {
+  const std::size_t sign = text.find('=');
+  double factor = 0;
+  const char* begin = text.c_str() + (sign == std::string::npos ? text.size() : sign + 1);
+  const auto [end, status] = std::from_chars(begin, text.c_str() + text.size(), factor);
+  if (status != std::errc() || *end != '\0') {
+    throw Error(fmt::format("--scale {}: give NAME=FACTOR, such as bend_stiffness=3", text));
+  }
+  const std::string parameter = text.substr(0, sign);
+  fabric.set(parameter, factor * fabric.value(parameter));
+  fabric.provenance += fmt::format("; {} times {:g}", parameter, factor);
+}
 
 void print_parameters() {
   fmt::print("parameters of baraff-witkin\n");
@@ -48,7 +66,9 @@ nlohmann::json to_json(const Fabric& fabric) {
 
 void run(const Arguments& arguments) {
   if (!arguments.name.empty()) {
-    const Fabric fabric = find_fabric(arguments.name);
+    Fabric fabric = find_fabric(arguments.name);
+    for (const std::string& scale : arguments.scale) apply_scale(fabric, scale);
+    if (!arguments.out.empty()) write_fabric(arguments.out, fabric);
     if (arguments.json) {
       fmt::print("{}\n", to_json(fabric).dump(2));
     } else {
@@ -82,8 +102,12 @@ void add_fabrics(CLI::App& app) {
   auto* command = app.add_subcommand("fabrics", "list the built-in fabrics and the parameters");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("name", arguments->name, "one fabric: a preset or a file");
+  command->add_option("--scale", arguments->scale, "multiply values: NAME=FACTOR ...");
+  command->add_option("--out", arguments->out, "write the fabric to this file");
   command->add_flag("--json", arguments->json, "print JSON");
-  command->footer("Example:\n  weft fabrics satin");
+  command->footer(
+      "Examples:\n  weft fabrics satin\n  weft fabrics satin --scale bend_stiffness=3 --out "
+      "stiffer.toml");
   command->callback([arguments] { run(*arguments); });
 }
 

@@ -8,7 +8,8 @@
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
-#include "weft/report/plot.h"
+#include "weft/base/interrupt.h"
+#include "weft/report/figures.h"
 
 namespace weft::app {
 namespace {
@@ -22,33 +23,33 @@ struct Arguments {
   TrialArguments trial;
 };
 
-PlotAxis axis_of(const std::string& parameter) {
-  const ParameterInfo& info = baraff_witkin_parameters()[static_cast<std::size_t>(
-      parameter_index("baraff-witkin", parameter))];
-  PlotAxis axis;
-  axis.label = parameter;
-  axis.unit = info.unit;
-  axis.logarithmic = info.scale == Scale::logarithmic;
-  return axis;
+const ParameterInfo& info_of(const Fabric& fabric, const std::string& parameter) {
+  return model_parameters(
+      fabric.model)[static_cast<std::size_t>(parameter_index(fabric.model, parameter))];
 }
 
-HeatMap to_heat_map(const Landscape& surface, const Fabric& fabric, const std::string& capture) {
-  HeatMap map;
-  map.title = fmt::format("Error of {} over two parameters", capture);
-  map.x_axis = axis_of(surface.x_parameter);
-  map.y_axis = axis_of(surface.y_parameter);
-  map.x = surface.x;
-  map.y = surface.y;
-  map.values = surface.error;
-  map.label = "error per masked pixel";
-  map.unit = "rad^2";
-  map.logarithmic = true;
-  map.markers = {{fabric.value(surface.x_parameter), fabric.value(surface.y_parameter),
-                  fabric.name.empty() ? "given fabric" : fabric.name}};
-  return map;
+ReportSurface to_report(const Landscape& landscape, const Fabric& fabric,
+                        const std::string& capture) {
+  const ParameterInfo& x = info_of(fabric, landscape.x_parameter);
+  const ParameterInfo& y = info_of(fabric, landscape.y_parameter);
+  ReportSurface surface;
+  surface.capture = capture;
+  surface.x_parameter = x.name;
+  surface.x_unit = x.unit;
+  surface.x_logarithmic = x.scale == Scale::logarithmic;
+  surface.y_parameter = y.name;
+  surface.y_unit = y.unit;
+  surface.y_logarithmic = y.scale == Scale::logarithmic;
+  surface.x = landscape.x;
+  surface.y = landscape.y;
+  surface.error = landscape.error;
+  surface.x_estimate = fabric.value(x.name);
+  surface.y_estimate = fabric.value(y.name);
+  return surface;
 }
 
 void run(Arguments arguments) {
+  const InterruptGuard guard;
   const Fabric fabric = find_fabric(arguments.fabric);
   const Capture capture = read_capture(arguments.capture);
   const int frames = arguments.options.frame_count;
@@ -64,7 +65,7 @@ void run(Arguments arguments) {
   const Problem problem({trial}, fabric, {options.x_parameter, options.y_parameter});
   const Landscape surface =
       landscape(problem, fabric, options, nullptr, progress_observer("landscape"));
-  write_plot(arguments.out, to_heat_map(surface, fabric, capture.name));
+  write_plot(arguments.out, surface_map(to_report(surface, fabric, capture.name)));
   fmt::print("{}{}\n", arguments.out, surface.stopped ? " (stopped early)" : "");
 }
 

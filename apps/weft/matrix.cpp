@@ -7,8 +7,9 @@
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
+#include "weft/base/interrupt.h"
 #include "weft/estimate/cross.h"
-#include "weft/report/plot.h"
+#include "weft/report/figures.h"
 
 namespace weft::app {
 namespace {
@@ -16,30 +17,18 @@ namespace {
 struct Arguments {
   std::vector<std::string> captures;
   std::vector<std::string> fabrics;
-  std::string out = "matrix.svg";
+  std::string out = "matrix";
+  bool overwrite = false;
   TrialArguments trial;
 };
 
-HeatMap to_heat_map(const CrossEvaluation& cross, const std::vector<Fabric>& fabrics,
-                    const std::vector<std::shared_ptr<const Trial>>& trials) {
-  HeatMap map;
-  map.title = "Each fabric simulated in each capture";
-  map.x_axis.label = "fabric";
-  map.y_axis.label = "capture";
-  for (std::size_t i = 0; i < fabrics.size(); ++i) {
-    map.x.push_back(static_cast<double>(i));
-    map.x_axis.categories.push_back(fabrics[i].name);
-  }
-  for (std::size_t j = 0; j < trials.size(); ++j) {
-    map.y.push_back(static_cast<double>(j));
-    map.y_axis.categories.push_back(trials[j]->capture.name);
-  }
-  map.values = cross.error_per_mask_pixel.transpose();
-  map.label = "error per masked pixel";
-  map.unit = "rad^2";
-  map.print_values = true;
-  map.outline_row_minimum = true;
-  return map;
+ReportMatrix to_report(const CrossEvaluation& cross, const std::vector<Fabric>& fabrics,
+                       const std::vector<std::shared_ptr<const Trial>>& trials) {
+  ReportMatrix matrix;
+  for (const Fabric& fabric : fabrics) matrix.fabrics.push_back(fabric.name);
+  for (const auto& trial : trials) matrix.captures.push_back(trial->capture.name);
+  matrix.error = cross.error_per_mask_pixel.transpose();
+  return matrix;
 }
 
 void print_table(const CrossEvaluation& cross, const std::vector<Fabric>& fabrics,
@@ -58,18 +47,24 @@ void print_table(const CrossEvaluation& cross, const std::vector<Fabric>& fabric
 }
 
 void run(const Arguments& arguments) {
+  const InterruptGuard guard;
   std::vector<Fabric> fabrics;
   for (const std::string& name : arguments.fabrics) fabrics.push_back(find_fabric(name));
   std::vector<std::shared_ptr<const Trial>> trials;
   for (const std::string& folder : arguments.captures) {
     trials.push_back(arguments.trial.prepare(folder, TrialArguments::Frames::fit));
   }
+  const std::filesystem::path out = arguments.out;
+  prepare_output_folder(out, {"matrix.svg"},
+                        arguments.overwrite ? Existing::overwrite : Existing::refuse);
   const CrossEvaluation cross =
       cross_evaluate(fabrics, trials, arguments.trial.threads(), progress_observer("matrix"));
-  write_plot(arguments.out, to_heat_map(cross, fabrics, trials));
+  const ReportMatrix matrix = to_report(cross, fabrics, trials);
+  write_plot(out / "matrix.svg", matrix_map(matrix));
+  write_plot(out / "matrix_lines.svg", matrix_plot(matrix));
   print_table(cross, fabrics, trials);
   if (cross.diverged > 0) fmt::print("{} simulations diverged\n", cross.diverged);
-  fmt::print("{}\n", arguments.out);
+  fmt::print("{}\n", (out / "matrix.svg").string());
 }
 
 }  // namespace
@@ -79,8 +74,10 @@ void add_matrix(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   command->add_option("captures", arguments->captures, "capture folders")->required();
   command->add_option("--fabrics", arguments->fabrics, "presets or fabric.toml files")->required();
-  command->add_option("--out", arguments->out, "picture (.svg); the data go next to it (.csv)")
+  command
+      ->add_option("--out", arguments->out, "folder for the pictures (.svg) and their data (.csv)")
       ->capture_default_str();
+  command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
   command->footer(
       "Example:\n  weft matrix data/captures/cotton_waving_A --fabrics satin linen "

@@ -18,8 +18,10 @@ class TrialArguments {
   /// Throws Error for values outside their ranges.
   TrialOptions options() const;
   int threads() const { return threads_; }
-  /// Reads the capture's frames first..last (last < 0: up to the end; first < 0: the fit frames)
-  /// and prepares them, keeping what was computed from the video in the cache folder.
+  /// Which frames of a capture are compared.
+  enum class Frames { fit, from_fit_to_end };
+  /// Reads those frames and prepares them; what was computed from the video is kept in the cache.
+  std::shared_ptr<const Trial> prepare(const std::string& folder, Frames frames) const;
   std::shared_ptr<const Trial> prepare(const Capture& capture, int first, int last) const;
 
  private:

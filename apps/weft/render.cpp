@@ -59,6 +59,7 @@ Motion3d simulate_motion(const Arguments& arguments) {
 }
 
 void run(const Arguments& arguments) {
+  const InterruptGuard guard;
   if (arguments.fabric.empty() == arguments.points.empty()) {
     throw Error("give either --fabric, to simulate, or --points with --mesh");
   }

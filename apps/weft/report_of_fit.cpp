@@ -1,0 +1,135 @@
+#include "report_of_fit.h"
+
+#include <algorithm>
+
+namespace weft::app {
+namespace {
+
+const PerturbationCurve* curve_of(const FitResult& fit, std::string_view name) {
+  const auto found = std::find_if(fit.variability.begin(), fit.variability.end(),
+                                  [&](const PerturbationCurve& c) { return c.name == name; });
+  return found == fit.variability.end() ? nullptr : &*found;
+}
+
+ReportCapture capture_of(const Trial& trial, const CaptureEvaluation& evaluation) {
+  const Capture& capture = trial.capture;
+  ReportCapture c;
+  c.name = capture.name;
+  c.description = capture.description;
+  c.folder = capture.folder.string();
+  c.width = capture.width;
+  c.height = capture.height;
+  c.areal_density = capture.areal_density;
+  c.frame_rate = capture.frame_rate;
+  c.frame_count = capture.frame_count;
+  c.fit_first = capture.fit_first;
+  c.fit_last = capture.fit_last;
+  c.columns = trial.options.columns;
+  c.rows = trial.options.rows;
+  c.start = trial.start_name;
+  c.start_measured = trial.start_name == "measured surface";
+  for (const CaptureEvaluation::Frame& frame : evaluation.frames) {
+    ReportFrame f;
+    f.index = frame.frame;
+    f.time = frame.frame / capture.frame_rate;
+    f.validation = frame.frame > capture.fit_last;
+    f.error = frame.total;
+    f.fold = frame.error.fold;
+    f.silhouette = frame.error.silhouette;
+    c.frames.push_back(f);
+  }
+  return c;
+}
+
+}  // namespace
+
+ReportParameter report_parameter(const ParameterInfo& info, const Fabric& fabric,
+                                 const PerturbationCurve* curve) {
+  ReportParameter p;
+  p.name = info.name;
+  p.unit = info.unit;
+  p.meaning = info.meaning;
+  p.value = fabric.value(info.name);
+  p.lower = info.lower;
+  p.upper = info.upper;
+  p.initial = p.value;
+  p.scale = info.scale == Scale::logarithmic ? ReportParameter::Scale::logarithmic
+                                             : ReportParameter::Scale::shifted_logarithmic;
+  if (curve) {
+    p.variability_percent = curve->variability_percent;
+    p.determined = curve->determined;
+    if (curve->at_lower) p.at_bound = ReportParameter::Bound::lower;
+    if (curve->at_upper) p.at_bound = ReportParameter::Bound::upper;
+  }
+  return p;
+}
+
+ReportPerturbation report_perturbation(const PerturbationCurve& curve) {
+  return {curve.name,
+          curve.relative,
+          curve.error,
+          {curve.quadratic[0], curve.quadratic[1], curve.quadratic[2]}};
+}
+
+CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory) {
+  const int first = trial.first_frame;
+  const int count =
+      std::min(trial.frame_count(), static_cast<int>(trajectory.frames.size()) - first);
+  const std::vector<Image> measured = read_video(trial.capture, first, first + count - 1);
+  std::vector<Mask> silhouettes;
+  for (int k = 0; k < count; ++k) {
+    silhouettes.push_back(trial.features[static_cast<std::size_t>(k)].silhouette);
+  }
+  FramePicturesOptions options;
+  options.crop = bounding_box(silhouettes, 12);
+  CapturePictures pictures;
+  pictures.capture = trial.capture.name;
+  for (int k = 0; k < count; ++k) {
+    const SimulatedFrame simulated =
+        look_at(trial, trajectory.frames[static_cast<std::size_t>(first + k)]);
+    FrameView view;
+    view.frame = first + k;
+    view.measured = measured[static_cast<std::size_t>(k)];
+    view.simulated = simulated.image.intensity;
+    view.features = trial.features[static_cast<std::size_t>(k)];
+    view.simulated_angles = simulated.angles;
+    view.simulated_silhouette = simulated.image.silhouette;
+    pictures.frames.push_back(make_frame_pictures(view, options));
+  }
+  return pictures;
+}
+
+Report report_of_fit(const Problem& problem, const FitResult& fit,
+                     const std::vector<CaptureEvaluation>& evaluations) {
+  Report report;
+  report.fabric = fit.fabric.name;
+  report.model = fit.fabric.model;
+  report.program_version = WEFT_VERSION;
+  report.seed = fit.seed;
+  report.stopped = fit.stopped;
+  report.error_initial = fit.initial.error;
+  report.error = fit.final.error;
+  report.error_meaning = "per frame and masked pixel, mean over captures";
+  report.evaluations = fit.evaluations;
+  report.diverged = fit.diverged;
+  report.wall_s = fit.wall_s;
+  for (const ParameterInfo& info : model_parameters(fit.fabric.model)) {
+    ReportParameter p = report_parameter(info, fit.fabric, curve_of(fit, info.name));
+    p.initial = fit.start_fabric.value(info.name);
+    p.free = problem.index_of(info.name) >= 0;
+    report.parameters.push_back(p);
+  }
+  for (std::size_t i = 0; i < evaluations.size(); ++i) {
+    report.captures.push_back(capture_of(*problem.trials()[i], evaluations[i]));
+  }
+  for (const FitStep& step : fit.history) {
+    report.history.push_back(
+        {step.evaluation, step.phase, step.error, step.best, step.temperature});
+  }
+  for (const PerturbationCurve& curve : fit.variability) {
+    report.perturbations.push_back(report_perturbation(curve));
+  }
+  return report;
+}
+
+}  // namespace weft::app
