@@ -2,8 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include <Eigen/QR>
-
 #include "optics/rigs.h"
 #include "weft/base/error.h"
 

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 
 #include <Eigen/Geometry>
-#include <Eigen/QR>
 #include <cmath>
 #include <limits>
 #include <numbers>

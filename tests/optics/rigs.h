@@ -1,4 +1,5 @@
 #pragma once
+#include <Eigen/LU>
 #include <cmath>
 #include <numbers>
 
@@ -53,7 +54,7 @@ inline Vec3 on_plane(const Projection& device, const Vec2& pixel, const Vec3& on
   }
   a.row(2) = normal.transpose();
   b[2] = normal.dot(on);
-  return a.colPivHouseholderQr().solve(b);
+  return a.inverse() * b;
 }
 
 }  // namespace weft::testing
