@@ -26,7 +26,7 @@ TEST(SteerableBasis, FactorsAddUpToTheTurnedFilters) {
         const auto even = [&](const Taps& t, int n) { return tap(t, n, 1); };
         const auto odd = [&](const Taps& t, int n) { return tap(t, n, -1); };
         const double g2 = cosine * cosine * even(basis.g2, x) * even(basis.e, y) +
-                          2 * cosine * sine * odd(basis.u1, x) * odd(basis.u1, y) +
+                          4 * cosine * sine * odd(basis.u1, x) * odd(basis.u1, y) +
                           sine * sine * even(basis.e, x) * even(basis.g2, y);
         const double h2 = std::pow(cosine, 3) * odd(basis.h3, x) * even(basis.e, y) +
                           3 * cosine * cosine * sine * even(basis.h2, x) * odd(basis.u1, y) +

@@ -11,7 +11,7 @@ using Taps = std::vector<float>;
 /// coordinate along direction theta (x axis towards y, y down),
 ///   G2 = (2 u'^2 - c) e(u) e(v),   H2 = (u'^3 - k u') e(u) e(v),   k = 2.254,
 /// which expand into products of these factors:
-///   G2 = cos^2 g2(x) e(y) + 2 cos sin u1(x) u1(y) + sin^2 e(x) g2(y)
+///   G2 = cos^2 g2(x) e(y) + 4 cos sin u1(x) u1(y) + sin^2 e(x) g2(y)
 ///   H2 = cos^3 h3(x) e(y) + 3 cos^2 sin h2(x) u1(y) + 3 cos sin^2 u1(x) h2(y) + sin^3 e(x) h3(y).
 /// c is 1 in the continuum; here it is the value that makes the sampled G2 sum to zero.
 struct SteerableBasis {
