@@ -3,11 +3,14 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <csignal>
 #include <filesystem>
 #include <limits>
 
 #include "estimate/analytic_problem.h"
 #include "weft/base/error.h"
+#include "weft/base/interrupt.h"
 #include "weft/estimate/landscape.h"
 
 namespace weft {
@@ -173,6 +176,18 @@ TEST(RunFit, StopsWithTheBestSoFar) {
     EXPECT_FALSE(result.warnings.empty()) << phase;
     EXPECT_EQ(bowl().evaluator()(result.fabric, 0).error, result.final.error) << phase;
   }
+}
+
+TEST(RunFit, StopsOnASignalWithTheBestSoFar) {
+  const InterruptGuard guard;
+  const FitResult result = run_fit(bowl(), quick(), nullptr, [](const FitProgress& progress) {
+    if (progress.step.phase == "anneal" && progress.done == 10) std::raise(SIGINT);
+    return true;
+  });
+  EXPECT_TRUE(result.stopped);
+  // Two moves are made at a time.
+  EXPECT_LE(result.history.size(), 1u + 64 + 4 + 12);
+  EXPECT_LT(result.final.error, result.initial.error);
 }
 
 TEST(RunFit, GoesOnPastDivergedSimulationsAndCountsThem) {
