@@ -48,7 +48,7 @@ double median_of(std::vector<double>& values) {
 /// 1, x, y, x^2, x y, y^2 with x and y from -1 to 1 over the frame.
 Eigen::Matrix<double, 6, 1> quadratic(double x, double y) { return {1, x, y, x * x, x * y, y * y}; }
 
-/// Fits the pixels where `use` is not 0 (every second one), dropping the worst half at first and
+/// Fits the pixels where `use` is not 0 (every eighth one), dropping the worst half at first and
 /// those beyond 4 spreads later.
 Background fit_background(const cv::Mat& light, const cv::Mat& use) {
   struct Sample {
@@ -57,8 +57,8 @@ Background fit_background(const cv::Mat& light, const cv::Mat& use) {
   };
   std::vector<Sample> samples;
   const auto position = [](int i, int count) { return 2 * (i + 0.5) / count - 1; };
-  for (int y = 0; y < light.rows; ++y)
-    for (int x = y % 2; x < light.cols; x += 2)
+  for (int y = 0; y < light.rows; y += 2)
+    for (int x = y / 2 % 4; x < light.cols; x += 4)
       if (use.at<std::uint8_t>(y, x) != 0)
         samples.push_back({quadratic(position(x, light.cols), position(y, light.rows)),
                            double(light.at<float>(y, x))});
