@@ -9,7 +9,7 @@
 #include "common/energy_battery.h"
 #include "weft/base/error.h"
 #include "weft/base/random.h"
-#include "weft/model/hinge_weights.h"
+#include "weft/model/bending.h"
 #include "weft/strain/dihedral_angle.h"
 #include "weft/strain/shear.h"
 #include "weft/strain/stretch.h"
@@ -182,13 +182,37 @@ struct Reference {
       add(stretch_strain(shape, Thread::warp, a, b, c), stretch * shape.area, t);
       add(shear_strain(shape, a, b, c), shear * shape.area, t);
     }
-    const auto all = hinges(mesh);
-    const VecX weights = hinge_weights(mesh, all);
-    for (std::size_t e = 0; e < all.size(); ++e) {
-      const auto& v = all[e].vertices;
-      add(dihedral_angle_strain(x.col(v[0]), x.col(v[1]), x.col(v[2]), x.col(v[3])),
-          f.value("bend_stiffness") * weights[static_cast<Eigen::Index>(e)], v);
+    for (const BendingElement& element : bending_elements(mesh))
+      for (const auto& row : element.map.r)
+        add(curvature(element, row, x), f.value("bend_stiffness") * element.area, element.vertices);
+  }
+
+  struct Strain18 {
+    double value = 0;
+    VecX gradient = VecX::Zero(18);
+    MatX hessian = MatX::Zero(18, 18);
+  };
+
+  /// A curvature component from the three dihedral angles, in the coordinates of the six vertices.
+  static Strain18 curvature(const BendingElement& element, const std::array<double, 3>& row,
+                            const Points& x) {
+    Strain18 out;
+    for (std::size_t j = 0; j < 3; ++j) {
+      const std::array<std::size_t, 4> local = {j, (j + 1) % 3, (j + 2) % 3, 3 + j};
+      std::array<Vec3, 4> p;
+      for (std::size_t i = 0; i < 4; ++i) p[i] = x.col(element.vertices[local[i]]);
+      const HingeStrain angle = dihedral_angle_strain(p[0], p[1], p[2], p[3]);
+      out.value += row[j] * angle.value;
+      for (std::size_t i = 0; i < 4; ++i) {
+        const auto at = static_cast<Eigen::Index>(3 * local[i]);
+        const auto from = static_cast<Eigen::Index>(3 * i);
+        out.gradient.segment<3>(at) += row[j] * angle.gradient.segment<3>(from);
+        for (std::size_t k = 0; k < 4; ++k)
+          out.hessian.block<3, 3>(at, static_cast<Eigen::Index>(3 * local[k])) +=
+              row[j] * angle.hessian.block<3, 3>(from, static_cast<Eigen::Index>(3 * k));
+      }
     }
+    return out;
   }
 
   template <class Strain, class Vertices>

@@ -9,15 +9,14 @@
 #include "weft/base/error.h"
 #include "weft/model/drag.h"
 #include "weft/model/elements.h"
-#include "weft/model/hinge_weights.h"
 #include "weft/model/membrane.h"
 
 namespace weft {
 namespace {
 
+using detail::BendingGroup;
 using detail::DampedStiffness;
 using detail::DragLaw;
-using detail::HingeGroup;
 using detail::TriangleGroup;
 using LaneIndices = std::array<int, kLanes>;
 
@@ -136,9 +135,14 @@ detail::MembraneStrains<Lanes> strains_of(const TriangleGroup& group, const Poin
   return detail::membrane_strains(group.shape, p.x0, p.x1, p.x2);
 }
 
-DihedralAngle<Lanes> angle_of(const HingeGroup& group, const Points& x) {
-  return dihedral_angle(gather(x.data(), group.vertices[0]), gather(x.data(), group.vertices[1]),
-                        gather(x.data(), group.vertices[2]), gather(x.data(), group.vertices[3]));
+std::array<Vector3<Lanes>, 6> positions(const BendingGroup& group, const Points& x) {
+  std::array<Vector3<Lanes>, 6> out;
+  for (std::size_t i = 0; i < 6; ++i) out[i] = gather(x.data(), group.vertices[i]);
+  return out;
+}
+
+TriangleCurvature<Lanes> curvature_of(const BendingGroup& group, const Points& x) {
+  return triangle_curvature(group.map, positions(group, x));
 }
 
 void add_gradient(const TriangleGroup& group, const detail::MembraneGradient<Lanes>& g,
@@ -151,11 +155,11 @@ void add_gradient(const TriangleGroup& group, const detail::MembraneGradient<Lan
   scatter_add(g2, group.vertices[2], gradient.data());
 }
 
-void add_gradient(const HingeGroup& group, const DihedralAngle<Lanes>& angle, const Lanes& moment,
-                  Points& gradient) {
-  const auto g = angle.gradient();
-  for (std::size_t i = 0; i < 4; ++i)
-    scatter_add(moment * g[i], group.vertices[i], gradient.data());
+/// `moment`: derivative of the energy by the three curvature components.
+void add_gradient(const BendingGroup& group, const TriangleCurvature<Lanes>& curvature,
+                  const std::array<Lanes, 3>& moment, Points& gradient) {
+  const auto g = curvature_gradient(group.map, curvature, moment);
+  for (std::size_t i = 0; i < 6; ++i) scatter_add(g[i], group.vertices[i], gradient.data());
 }
 
 /// Rates of the three strains under the velocities `v`.
@@ -168,11 +172,21 @@ detail::MembraneTension<Lanes> strain_rates(const TriangleGroup& group,
           dot(c.w.wv, rate.wu) + dot(c.w.wu, rate.wv)};
 }
 
-Lanes angle_rate(const HingeGroup& group, const DihedralAngle<Lanes>& angle, const Points& v) {
-  const auto g = angle.gradient();
-  Lanes rate{};
-  for (std::size_t i = 0; i < 4; ++i) rate += dot(g[i], gather(v.data(), group.vertices[i]));
-  return rate;
+std::array<Lanes, 3> curvature_rates(const BendingGroup& group,
+                                     const TriangleCurvature<Lanes>& curvature, const Points& v) {
+  const auto velocity = positions(group, v);
+  std::array<Lanes, 3> angle_rate;
+  for (std::size_t j = 0; j < 3; ++j) {
+    const auto g = curvature.angles[j].gradient();
+    const auto vertices = detail::hinge_vertices(j);
+    angle_rate[j] = dot(g[0], velocity[vertices[0]]) + dot(g[1], velocity[vertices[1]]) +
+                    dot(g[2], velocity[vertices[2]]) + dot(g[3], velocity[vertices[3]]);
+  }
+  std::array<Lanes, 3> out;
+  for (std::size_t k = 0; k < 3; ++k)
+    out[k] = group.map.r[k][0] * angle_rate[0] + group.map.r[k][1] * angle_rate[1] +
+             group.map.r[k][2] * angle_rate[2];
+  return out;
 }
 
 }  // namespace
@@ -184,31 +198,43 @@ struct ClothModel::Impl {
   Coefficients coefficients;
   detail::Elements elements;
   VecX masses;
-  int hinge_count = 0;
 
-  int first_hinge() const { return 3 * mesh.triangle_count(); }
+  int first_curvature() const { return 3 * mesh.triangle_count(); }
 
-  /// Strain history of the three strains of a group of triangles, and of a group of hinges.
+  /// Strain history of a group of triangles: of its strains, and of its curvatures.
   detail::MembraneTension<Lanes> history(const DampingRate& damping, std::size_t group) const {
     const int first = static_cast<int>(group) * kLanes * 3, count = elements.triangles[group].count;
     return {load(damping.strain_history, first, 3, count),
             load(damping.strain_history, first + 1, 3, count),
             load(damping.strain_history, first + 2, 3, count)};
   }
-  Lanes hinge_history(const DampingRate& damping, std::size_t group) const {
-    return load(damping.strain_history, first_hinge() + static_cast<int>(group) * kLanes, 1,
-                elements.hinges[group].count);
+  std::array<Lanes, 3> curvature_history(const DampingRate& damping, std::size_t group) const {
+    const int first = first_curvature() + static_cast<int>(group) * kLanes * 3;
+    const int count = elements.bending[group].count;
+    return {load(damping.strain_history, first, 3, count),
+            load(damping.strain_history, first + 1, 3, count),
+            load(damping.strain_history, first + 2, 3, count)};
+  }
+
+  /// Derivative of the bending energy of a group by its curvature components.
+  std::array<Lanes, 3> moments(const DampedStiffness& k, const TriangleCurvature<Lanes>& curvature,
+                               const DampingRate& damping, std::size_t group) const {
+    const auto h = curvature_history(damping, group);
+    std::array<Lanes, 3> out;
+    for (std::size_t i = 0; i < 3; ++i)
+      out[i] = elements.bending[group].area * k.tension(curvature.value[i], h[i]);
+    return out;
   }
 
   double energy(const Coefficients& k, const Points& x, const DampingRate& damping) const;
   void add_triangle_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
                              Points& gradient) const;
-  void add_hinge_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
-                          Points& gradient) const;
+  void add_bending_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
+                            Points& gradient) const;
   void add_triangles(const Coefficients& k, const Points& x, const DampingRate& damping,
                      HessianKind kind, Points& gradient, SparseMatrix& hessian) const;
-  void add_hinges(const Coefficients& k, const Points& x, const DampingRate& damping,
-                  HessianKind kind, Points& gradient, SparseMatrix& hessian) const;
+  void add_bending(const Coefficients& k, const Points& x, const DampingRate& damping,
+                   HessianKind kind, Points& gradient, SparseMatrix& hessian) const;
   void set_gravity_gradient(Points& gradient) const;
   void add_internal_forces(const Coefficients& k, const Points& x, const Points& v,
                            Points& force) const;
@@ -228,10 +254,12 @@ double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
     sum += group.shape.area * (k.stretch.energy(c.u.value, h.u) + k.stretch.energy(c.v.value, h.v) +
                                k.shear.energy(c.shear, h.s));
   }
-  for (std::size_t i = 0; i < elements.hinges.size(); ++i) {
-    const HingeGroup& group = elements.hinges[i];
-    const Lanes angle = angle_of(group, x).value;
-    sum += group.weight * k.bend.energy(angle, hinge_history(damping, i));
+  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
+    const BendingGroup& group = elements.bending[i];
+    const auto c = curvature_of(group, x).value;
+    const auto h = curvature_history(damping, i);
+    sum += group.area *
+           (k.bend.energy(c[0], h[0]) + k.bend.energy(c[1], h[1]) + k.bend.energy(c[2], h[2]));
   }
   return sum_lanes(sum);
 }
@@ -250,13 +278,12 @@ void ClothModel::Impl::add_triangle_gradient(const Coefficients& k, const Points
   }
 }
 
-void ClothModel::Impl::add_hinge_gradient(const Coefficients& k, const Points& x,
-                                          const DampingRate& damping, Points& gradient) const {
-  for (std::size_t i = 0; i < elements.hinges.size(); ++i) {
-    const HingeGroup& group = elements.hinges[i];
-    const auto angle = angle_of(group, x);
-    const Lanes moment = group.weight * k.bend.tension(angle.value, hinge_history(damping, i));
-    add_gradient(group, angle, moment, gradient);
+void ClothModel::Impl::add_bending_gradient(const Coefficients& k, const Points& x,
+                                            const DampingRate& damping, Points& gradient) const {
+  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
+    const BendingGroup& group = elements.bending[i];
+    const auto curvature = curvature_of(group, x);
+    add_gradient(group, curvature, moments(k.bend, curvature, damping, i), gradient);
   }
 }
 
@@ -286,28 +313,21 @@ void ClothModel::Impl::add_triangles(const Coefficients& k, const Points& x,
   }
 }
 
-void ClothModel::Impl::add_hinges(const Coefficients& k, const Points& x,
-                                  const DampingRate& damping, HessianKind kind, Points& gradient,
-                                  SparseMatrix& hessian) const {
+void ClothModel::Impl::add_bending(const Coefficients& k, const Points& x,
+                                   const DampingRate& damping, HessianKind kind, Points& gradient,
+                                   SparseMatrix& hessian) const {
   BlockWriter writer(hessian, elements.columns);
-  for (std::size_t i = 0; i < elements.hinges.size(); ++i) {
-    const HingeGroup& group = elements.hinges[i];
-    const auto angle = angle_of(group, x);
-    const Lanes moment = group.weight * k.bend.tension(angle.value, hinge_history(damping, i));
-    add_gradient(group, angle, moment, gradient);
-    const HingeHessian<Lanes> h = hinge_hessian(
-        angle, kind == HessianKind::exact ? moment : Lanes{}, Lanes(group.weight * k.bend.total()));
-    const auto& v = group.vertices;
-    writer.add(h.b00, v[0]);
-    writer.add(h.b11, v[1]);
-    writer.add(h.b22, v[2]);
-    writer.add(h.b33, v[3]);
-    writer.add(h.b10, group.slots[0], v[1], v[0]);
-    writer.add(h.b20, group.slots[1], v[2], v[0]);
-    writer.add(h.b21, group.slots[2], v[2], v[1]);
-    writer.add(h.b30, group.slots[3], v[3], v[0]);
-    writer.add(h.b31, group.slots[4], v[3], v[1]);
-    writer.add(h.b32, group.slots[5], v[3], v[2]);
+  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
+    const BendingGroup& group = elements.bending[i];
+    const auto curvature = curvature_of(group, x);
+    const auto moment = moments(k.bend, curvature, damping, i);
+    add_gradient(group, curvature, moment, gradient);
+    auto h = curvature_gauss_newton(group.map, curvature, Lanes(group.area * k.bend.total()));
+    if (kind == HessianKind::exact) add_curvature_hessian(group.map, curvature, moment, h);
+    for (std::size_t v = 0; v < 6; ++v) writer.add(h.diagonal[v], group.vertices[v]);
+    for (std::size_t b = 0; b < 15; ++b)
+      writer.add(h.lower[b], group.slots[b], group.vertices[detail::kPairs[b][0]],
+                 group.vertices[detail::kPairs[b][1]]);
   }
 }
 
@@ -326,10 +346,13 @@ void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& 
                                        -(k.shear.k * c.shear + k.shear.kd * rate.s)}),
                  force);
   }
-  for (const HingeGroup& group : elements.hinges) {
-    const auto angle = angle_of(group, x);
-    const Lanes rate = angle_rate(group, angle, v);
-    add_gradient(group, angle, -group.weight * (k.bend.k * angle.value + k.bend.kd * rate), force);
+  for (const BendingGroup& group : elements.bending) {
+    const auto curvature = curvature_of(group, x);
+    const auto rate = curvature_rates(group, curvature, v);
+    std::array<Lanes, 3> moment;
+    for (std::size_t i = 0; i < 3; ++i)
+      moment[i] = -group.area * (k.bend.k * curvature.value[i] + k.bend.kd * rate[i]);
+    add_gradient(group, curvature, moment, force);
   }
 }
 
@@ -357,9 +380,7 @@ ClothModel::ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double ar
   impl_->mesh = mesh;
   impl_->areal_density = areal_density;
   impl_->gravity = gravity;
-  const std::vector<Hinge> all_hinges = hinges(mesh);
-  impl_->hinge_count = static_cast<int>(all_hinges.size());
-  impl_->elements = detail::make_elements(mesh, all_hinges, hinge_weights(mesh, all_hinges));
+  impl_->elements = detail::make_elements(mesh);
   impl_->masses = areal_density * vertex_areas(mesh);
   set_fabric(fabric);
 }
@@ -385,7 +406,7 @@ void ClothModel::set_fabric(const Fabric& fabric) {
 
 const TriangleMesh& ClothModel::mesh() const { return impl_->mesh; }
 int ClothModel::vertex_count() const { return impl_->mesh.vertex_count(); }
-int ClothModel::component_count() const { return impl_->first_hinge() + impl_->hinge_count; }
+int ClothModel::component_count() const { return 6 * impl_->mesh.triangle_count(); }
 const VecX& ClothModel::masses() const { return impl_->masses; }
 const Vec3& ClothModel::gravity() const { return impl_->gravity; }
 const SparseMatrix& ClothModel::hessian_pattern() const { return impl_->elements.pattern; }
@@ -409,9 +430,12 @@ void ClothModel::strains(const Points& x, VecX& c) const {
     store(s.v.value, first + 1, 3, count, c);
     store(s.shear, first + 2, 3, count, c);
   }
-  for (std::size_t i = 0; i < elements.hinges.size(); ++i)
-    store(angle_of(elements.hinges[i], x).value,
-          impl_->first_hinge() + static_cast<int>(i) * kLanes, 1, elements.hinges[i].count, c);
+  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
+    const auto value = curvature_of(elements.bending[i], x).value;
+    const int first = impl_->first_curvature() + static_cast<int>(i) * kLanes * 3;
+    for (std::size_t k = 0; k < 3; ++k)
+      store(value[k], first + static_cast<int>(k), 3, elements.bending[i].count, c);
+  }
 }
 
 double ClothModel::potential(const Points& x, const DampingRate& damping) const {
@@ -423,7 +447,7 @@ void ClothModel::potential_gradient(const Points& x, const DampingRate& damping,
   const Coefficients k = impl_->coefficients.with_rate(damping.rate);
   impl_->set_gravity_gradient(gradient);
   impl_->add_triangle_gradient(k, x, damping, gradient);
-  impl_->add_hinge_gradient(k, x, damping, gradient);
+  impl_->add_bending_gradient(k, x, damping, gradient);
 }
 
 void ClothModel::potential_hessian(const Points& x, const DampingRate& damping, HessianKind kind,
@@ -432,7 +456,7 @@ void ClothModel::potential_hessian(const Points& x, const DampingRate& damping, 
   const Coefficients k = impl_->coefficients.with_rate(damping.rate);
   impl_->set_gravity_gradient(gradient);
   impl_->add_triangles(k, x, damping, kind, gradient, hessian);
-  impl_->add_hinges(k, x, damping, kind, gradient, hessian);
+  impl_->add_bending(k, x, damping, kind, gradient, hessian);
 }
 
 void ClothModel::add_drag(const Points& x, const Points& v, Points& force) const {
@@ -456,8 +480,8 @@ void ClothModel::add_drag_damping(const Points& x, const Points& v, double facto
     const Matrix3<Lanes> full = block.full();
     for (const LaneIndices& vertices : group.vertices) writer.add(block, vertices);
     for (std::size_t k = 0; k < group.slots.size(); ++k)
-      writer.add(full, group.slots[k], group.vertices[at(detail::kPairs[k][0])],
-                 group.vertices[at(detail::kPairs[k][1])]);
+      writer.add(full, group.slots[k], group.vertices[detail::kPairs[k][0]],
+                 group.vertices[detail::kPairs[k][1]]);
   }
 }
 
@@ -495,9 +519,9 @@ double ClothModel::damping_power(const Points& x, const Points& v) const {
     power += group.shape.area *
              (k.stretch.kd * (rate.u * rate.u + rate.v * rate.v) + k.shear.kd * rate.s * rate.s);
   }
-  for (const HingeGroup& group : impl_->elements.hinges) {
-    const Lanes rate = angle_rate(group, angle_of(group, x), v);
-    power += group.weight * k.bend.kd * rate * rate;
+  for (const BendingGroup& group : impl_->elements.bending) {
+    const auto rate = curvature_rates(group, curvature_of(group, x), v);
+    power += group.area * k.bend.kd * (rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]);
   }
   return sum_lanes(power);
 }

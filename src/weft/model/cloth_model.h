@@ -25,15 +25,14 @@ enum class HessianKind {
 /// A mesh and a fabric: the energy, the forces and their derivatives (Bhat 2003 section 3; Baraff
 /// and Witkin 1998 section 4). Geometry and sparsity are fixed at construction; the parameters may
 /// be set again. Components are ordered: stretch u and v and shear of each triangle, then the
-/// hinges.
+/// curvatures K_uu, K_vv and K_uv (with a factor) of each triangle.
 ///
-/// Energy of a component: 1/2 w k C^2 with k its stiffness. For the strains of a triangle w is its
-/// area (m^2) and k is in N/m; for a hinge w is a number (hinge_weights.h) and k, the flexural
-/// rigidity, is in N m. Energies are linear in area: the parameters do not depend on the mesh.
+/// Energy of a component: 1/2 w k C^2 with w the triangle's area (m^2). For the strains k is in N/m;
+/// for the curvatures (1/m, from the dihedral angles at the triangle's edges: bending.h) k is the
+/// flexural rigidity in N m. Energies are linear in area: the parameters do not depend on the mesh.
 ///
 /// All functions are const and keep no state between calls: one model may serve several threads.
-/// A triangle that has collapsed, or a hinge whose triangle has, gives finite values (stretch.h,
-/// dihedral_angle.h).
+/// A triangle that has collapsed gives finite values (stretch.h, dihedral_angle.h).
 class ClothModel {
  public:
   /// Throws Error if the areal density is not in (0, 100] kg/m^2, or the mesh or fabric is not
@@ -57,7 +56,7 @@ class ClothModel {
   double elastic_energy(const Points& x) const;
   double gravity_energy(const Points& x) const;
 
-  /// Values C of all components (strain, strain, shear, angle in rad): what DampingRate needs.
+  /// Values C of all components (strains, curvatures in 1/m): what DampingRate needs.
   void strains(const Points& x, VecX& c) const;
 
   /// Potential of elasticity, gravity and damping (with `damping`): the part of an implicit step

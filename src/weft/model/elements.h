@@ -4,8 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "weft/mesh/triangle_mesh.h"
-#include "weft/strain/dihedral_angle.h"
+#include "weft/model/bending.h"
 #include "weft/strain/triangle_shape.h"
 
 namespace weft::detail {
@@ -26,28 +25,42 @@ struct TriangleGroup {
   TriangleShape<Lanes> shape;
 };
 
-/// kLanes hinges. `slots` of the blocks (1,0), (2,0), (2,1), (3,0), (3,1), (3,2); where the row's
-/// vertex comes before the column's, the block is written transposed and its slot is ~slot.
-struct HingeGroup {
+/// kLanes triangles with their neighbours. `slots` of the blocks (1,0), (2,0), (2,1), (3,0) ...
+/// (5,4); where the row's vertex comes before the column's, the block is written transposed and its
+/// slot is ~slot.
+struct BendingGroup {
   int count;
-  std::array<std::array<int, kLanes>, 4> vertices;
-  std::array<std::array<int, kLanes>, 6> slots;
-  Lanes weight;
+  std::array<std::array<int, kLanes>, 6> vertices;
+  std::array<std::array<int, kLanes>, 15> slots;
+  CurvatureMap<Lanes> map;
+  Lanes area;
 };
 
 /// Pairs (row, column) of the off-diagonal blocks of an element, in the order of `slots`.
-inline constexpr std::array<std::array<int, 2>, 6> kPairs = {
-    {{1, 0}, {2, 0}, {2, 1}, {3, 0}, {3, 1}, {3, 2}}};
+inline constexpr std::array<std::array<std::size_t, 2>, 15> kPairs = {{{1, 0},
+                                                                       {2, 0},
+                                                                       {2, 1},
+                                                                       {3, 0},
+                                                                       {3, 1},
+                                                                       {3, 2},
+                                                                       {4, 0},
+                                                                       {4, 1},
+                                                                       {4, 2},
+                                                                       {4, 3},
+                                                                       {5, 0},
+                                                                       {5, 1},
+                                                                       {5, 2},
+                                                                       {5, 3},
+                                                                       {5, 4}}};
 
 struct Elements {
   std::vector<TriangleGroup> triangles;
-  std::vector<HingeGroup> hinges;
+  std::vector<BendingGroup> bending;
   SparseMatrix pattern;
   std::vector<ColumnLayout> columns;  ///< one a vertex
   std::vector<int> diagonal_slots;
 };
 
-Elements make_elements(const TriangleMesh& mesh, const std::vector<Hinge>& hinges,
-                       const VecX& hinge_weights);
+Elements make_elements(const TriangleMesh& mesh);
 
 }  // namespace weft::detail

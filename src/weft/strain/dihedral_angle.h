@@ -129,17 +129,17 @@ inline DihedralAngle<T> dihedral_angle(const Vector3<T>& x0, const Vector3<T>& x
   return out;
 }
 
-/// The Hessian of the angle times `factor`, plus `rank_one` times gradient gradient^T: the blocks
-/// of the lower triangle, 1/m^2. Blocks with i = j are symmetric.
+/// Blocks of the lower triangle of a Hessian, 1/m^2. Blocks with i = j are symmetric; block (3, 2)
+/// is zero.
 template <class T>
 struct HingeHessian {
   SymmetricMatrix3<T> b00, b11, b22, b33;
-  Matrix3<T> b10, b20, b21, b30, b31, b32;
+  Matrix3<T> b10, b20, b21, b30, b31;
 };
 
 namespace detail {
 
-/// factor * side's p c^T and its symmetrized p q^T, with the sign of the Hessian.
+/// The matrices that a triangle's share is a combination of.
 template <class T>
 struct HingeSideProducts {
   SymmetricMatrix3<T> w;  ///< - factor (p q^T + q p^T)
@@ -153,15 +153,15 @@ inline HingeSideProducts<T> side_products(const HingeSide<T>& side, const Vector
   return {symmetric_outer(p, side.q), outer(p, c)};
 }
 
-/// x W + y Z^T + g h^T: the blocks between an apex and an end of the edge.
+/// x W + Z^T or x W - Z^T: the blocks between an apex and an end of the edge.
 template <class T>
-inline Matrix3<T> apex_block(const HingeSideProducts<T>& s, const T& x, const T& y,
-                             const Vector3<T>& g, const Vector3<T>& h) {
-  Matrix3<T> out = outer(g, h);
-  const Matrix3<T> w = s.w.full();
+inline Matrix3<T> apex_block(const HingeSideProducts<T>& s, const T& x, bool plus) {
+  Matrix3<T> out = (x * s.w).full();
   for (std::size_t r = 0; r < 3; ++r)
-    for (std::size_t c = 0; c < 3; ++c)
-      out.m[3 * r + c] = out.m[3 * r + c] + x * w.m[3 * r + c] + y * s.z.m[3 * c + r];
+    for (std::size_t c = 0; c < 3; ++c) {
+      T& entry = out.m[3 * r + c];
+      entry = plus ? T(entry + s.z.m[3 * c + r]) : T(entry - s.z.m[3 * c + r]);
+    }
   return out;
 }
 
@@ -174,37 +174,29 @@ inline SymmetricMatrix3<T> twice_symmetric_part(const Matrix3<T>& z) {
 
 }  // namespace detail
 
+/// The Hessian of the angle, times `factor`.
 template <class T>
-inline HingeHessian<T> hinge_hessian(const DihedralAngle<T>& angle, const T& factor,
-                                     const T& rank_one) {
+inline HingeHessian<T> hinge_hessian(const DihedralAngle<T>& angle, const T& factor) {
   const T one = broadcast<T>(1);
   const auto a = detail::side_products(angle.a, angle.c, factor);
   const auto b = detail::side_products(angle.b, angle.c, factor);
   const auto za = detail::twice_symmetric_part(a.z), zb = detail::twice_symmetric_part(b.z);
   const T ta = angle.a.t, tb = angle.b.t, ra = one - ta, rb = one - tb;
   const T fa = angle.a.f, fb = angle.b.f;
-  const std::array<Vector3<T>, 4> g = angle.gradient();
-  const std::array<Vector3<T>, 4> k = {rank_one * g[0], rank_one * g[1], rank_one * g[2],
-                                       rank_one * g[3]};
-  const T half_rank = broadcast<T>(0.5) * rank_one;
-  const auto rank = [&](std::size_t i) { return half_rank * symmetric_outer(g[i], g[i]); };
   HingeHessian<T> h;
-  h.b22 = a.w + rank(2);
-  h.b33 = b.w + rank(3);
-  h.b00 = (ra * ra + fa) * a.w + ra * za + (rb * rb + fb) * b.w + rb * zb + rank(0);
-  h.b11 = (ta * ta + fa) * a.w + (-ta) * za + (tb * tb + fb) * b.w + (-tb) * zb + rank(1);
-  h.b20 = detail::apex_block(a, -ra, -one, k[2], g[0]);
-  h.b21 = detail::apex_block(a, -ta, one, k[2], g[1]);
-  h.b30 = detail::apex_block(b, -rb, -one, k[3], g[0]);
-  h.b31 = detail::apex_block(b, -tb, one, k[3], g[1]);
-  h.b32 = outer(k[3], g[2]);
-  h.b10 = outer(k[1], g[0]);
-  const Matrix3<T> w = ((ta * ra - fa) * a.w + (tb * rb - fb) * b.w).full();
+  h.b22 = a.w;
+  h.b33 = b.w;
+  h.b00 = (ra * ra + fa) * a.w + ra * za + (rb * rb + fb) * b.w + rb * zb;
+  h.b11 = (ta * ta + fa) * a.w + (-ta) * za + (tb * tb + fb) * b.w + (-tb) * zb;
+  h.b20 = detail::apex_block(a, T(-ra), false);
+  h.b21 = detail::apex_block(a, T(-ta), true);
+  h.b30 = detail::apex_block(b, T(-rb), false);
+  h.b31 = detail::apex_block(b, T(-tb), true);
+  h.b10 = ((ta * ra - fa) * a.w + (tb * rb - fb) * b.w).full();
   for (std::size_t r = 0; r < 3; ++r)
     for (std::size_t c = 0; c < 3; ++c) {
       const std::size_t rc = 3 * r + c, cr = 3 * c + r;
-      h.b10.m[rc] =
-          h.b10.m[rc] + w.m[rc] + ta * a.z.m[cr] - ra * a.z.m[rc] + tb * b.z.m[cr] - rb * b.z.m[rc];
+      h.b10.m[rc] = h.b10.m[rc] + ta * a.z.m[cr] - ra * a.z.m[rc] + tb * b.z.m[cr] - rb * b.z.m[rc];
     }
   return h;
 }
