@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "dynamics/scenes.h"
@@ -221,13 +222,18 @@ TEST(Simulate, BalancesItsEnergy) {
 }
 
 TEST(Simulate, ImplicitEulerLosesMotionThatSecondOrderKeeps) {
-  // Without damping and drag the energy of the swing is constant. At 120 steps a second implicit
-  // Euler takes part of it, BDF2 far less, and Newmark next to nothing.
-  Scene scene = swinging_scene(1.0, 30);
+  // A settled swatch swings about the line of its fixtures from 0.1 rad, without damping and drag:
+  // its energy is constant. At 120 steps a second implicit Euler takes a good part of it within 2
+  // s.
+  Scene scene = swinging_scene(2.0, 60);
   const Fabric fabric = make_fabric({.stretch = 100, .shear = 30, .bend = 1e-4});
   const ClothModel model(scene.mesh, fabric, scene.areal_density, scene.gravity);
   const StaticResult rest = solve_static(model, scene.start, scene.fixtures, 0);
+  ASSERT_TRUE(rest.converged);
   const double bottom = total_energy(model, rest.x, Points::Zero(3, rest.x.cols()));
+  const Vec3 hook = scene.start.col(0);
+  const Mat3 turn = Eigen::AngleAxisd(0.1, Vec3::UnitX()).toRotationMatrix();
+  scene.start = (turn * (rest.x.colwise() - hook)).colwise() + hook;
   auto lost = [&](Integrator integrator) {
     const Trajectory t = simulate(scene, fabric, unsettled(integrator, 4));
     EXPECT_FALSE(t.diverged) << t.divergence;
@@ -235,11 +241,10 @@ TEST(Simulate, ImplicitEulerLosesMotionThatSecondOrderKeeps) {
     return 1 - (total_energy(model, t.frames.back(), t.velocities.back()) - bottom) / start;
   };
   const double euler = lost(Integrator::implicit_euler);
-  EXPECT_GT(euler, 0.15);
-  EXPECT_LT(std::abs(lost(Integrator::newmark)), 0.05);
-  EXPECT_LT(lost(Integrator::bdf2), 0.5 * euler);
+  EXPECT_GT(euler, 0.4);
+  EXPECT_LT(std::abs(lost(Integrator::newmark)), 0.002);
+  EXPECT_LT(std::abs(lost(Integrator::bdf2)), 0.02);
   EXPECT_LT(std::abs(lost(Integrator::runge_kutta)), 1e-3);
-  RecordProperty("euler", std::to_string(euler));
 }
 
 TEST(Simulate, HungStripSwingsAsAChain) {
@@ -254,7 +259,7 @@ TEST(Simulate, HungStripSwingsAsAChain) {
   scene.start = place(scene.mesh, [](double u, double v) { return Vec3(u, 0, -v); });
   scene.fixtures = {hold(0, scene.start), hold(1, scene.start)};
   scene.frame_times = uniform_times(3.0, 300);
-  // The trapezoidal rule keeps ringing along the strip that it cannot resolve; damp that, not the
+  // Damps ringing along the strip, which the trapezoidal rule keeps and cannot resolve; not the
   // swing.
   const Fabric fabric = make_fabric(
       {.stretch = 2000, .shear = 2000, .bend = 1e-8, .stretch_damping = 1, .shear_damping = 1});
@@ -279,7 +284,7 @@ TEST(Simulate, HungStripSwingsAsAChain) {
       time_before = time;
       y_before = y;
     };
-    const Trajectory t = simulate(scene, fabric, unsettled(integrator, 1), observe);
+    const Trajectory t = simulate(scene, fabric, unsettled(integrator, 4), observe);
     ASSERT_FALSE(t.diverged) << t.divergence;
     ASSERT_GE(crossings.size(), 2u);
     const double period =

@@ -21,7 +21,7 @@ constexpr double kNearSolution = 3e-5;   // m; after a change below it, try the 
 constexpr double kLastChange = 0.3;
 constexpr double kSufficientDecrease = 1e-4;
 constexpr double kSmallestFraction = 1e-4;
-constexpr double kRounding = 1e-13;  // of an energy
+constexpr double kRounding = 1e-11;  // of an energy
 const double kStartFraction = 2 - std::sqrt(2.0);
 
 }  // namespace
@@ -73,6 +73,12 @@ ImplicitStepper::Formula ImplicitStepper::formula(double h) const {
   }
 }
 
+ImplicitStepper::Formula ImplicitStepper::strain_formula(double h, const Formula& f) const {
+  if (options_.integrator != Integrator::newmark || !previous_) return f;
+  const Bdf2 c = bdf2(h, current_.time - previous_->time);
+  return {c.rate, c.current, c.previous, 0};
+}
+
 bool ImplicitStepper::advance(double time, Trajectory& counts, const StepObserver& observer,
                               std::string& reason) {
   // Targets still ahead, nearest last: a step that fails puts the middle of its interval in front.
@@ -120,12 +126,14 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   const State& now = current_;
   x_history_ = f.current * now.x + f.derivative * now.v;
   v_history_ = f.current * now.v + f.derivative * now.a;
-  c_history_ = f.current * now.c + f.derivative * now.c_rate;
   if (f.previous != 0) {
     x_history_ += f.previous * previous->x;
     v_history_ += f.previous * previous->v;
-    c_history_ += f.previous * previous->c;
   }
+  const Formula c = strain_formula(time - now.time, f);
+  strain_rate_ = c.rate;
+  c_history_ = c.current * now.c + c.derivative * now.c_rate;
+  if (c.previous != 0) c_history_ += c.previous * previous->c;
   next.time = time;
   predict(time, f.rate, next.x);
   if (!newton(next, f.rate, counts, reason)) return false;
@@ -134,7 +142,7 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   next.a = f.rate * next.v - v_history_;
   prescribe_accelerations(fixtures_, time, next.a);
   model_.strains(next.x, next.c);
-  next.c_rate = f.rate * next.c - c_history_;
+  next.c_rate = strain_rate_ * next.c - c_history_;
   return true;
 }
 
@@ -144,7 +152,7 @@ double ImplicitStepper::step_energy(const Points& x, double rate) const {
     const Vec3 acceleration = rate * (rate * x.col(i) - x_history_.col(i)) - v_history_.col(i);
     inertia += model_.masses()(i) * acceleration.squaredNorm();
   }
-  return inertia / (2 * rate * rate) + model_.potential(x, {rate, &c_history_});
+  return inertia / (2 * rate * rate) + model_.potential(x, {strain_rate_, &c_history_});
 }
 
 void ImplicitStepper::predict(double time, double rate, Points& x) {
@@ -162,7 +170,6 @@ void ImplicitStepper::predict(double time, double rate, Points& x) {
 /// gradient_ of the step's energy (with drag as a force) at the free vertices and, unless `kind` is
 /// empty, hessian_.
 void ImplicitStepper::linearize(const State& next, double rate, std::optional<HessianKind> kind) {
-  const DampingRate damping{rate, &c_history_};
   velocity_ = rate * next.x - x_history_;
   prescribe_velocities(fixtures_, next.time, velocity_);
   drag_.setZero(3, velocity_.cols());
@@ -170,7 +177,7 @@ void ImplicitStepper::linearize(const State& next, double rate, std::optional<He
   if (kind) {
     assemble(next.x, rate, *kind, gradient_, hessian_);
   } else {
-    model_.potential_gradient(next.x, damping, gradient_);
+    model_.potential_gradient(next.x, {strain_rate_, &c_history_}, gradient_);
   }
   for (Eigen::Index i = 0; i < gradient_.cols(); ++i) {
     if (held_[static_cast<std::size_t>(i)]) {
@@ -186,7 +193,7 @@ void ImplicitStepper::linearize(const State& next, double rate, std::optional<He
 void ImplicitStepper::assemble(const Points& x, double rate, HessianKind kind, Points& gradient,
                                SparseMatrix& hessian) {
   hessian.coeffs().setZero();
-  model_.potential_hessian(x, {rate, &c_history_}, kind, gradient, hessian);
+  model_.potential_hessian(x, {strain_rate_, &c_history_}, kind, gradient, hessian);
   model_.add_drag_damping(x, velocity_, rate, hessian);
   const auto diagonal = model_.diagonal_slots();
   for (Eigen::Index i = 0; i < x.cols(); ++i) {
@@ -241,19 +248,19 @@ bool ImplicitStepper::find_direction() {
   return false;
 }
 
-/// Largest fraction 1, 1/2, 1/4 ... of direction_ that lowers the step's energy enough. Drag enters
-/// as a constant force.
+/// Largest fraction 1, 1/2, 1/4 ... of direction_ that lowers the step's energy enough; 0 if none
+/// does. Drag enters as a constant force.
 double ImplicitStepper::search_line(const Points& x, double rate) {
   const double slope = gradient_.cwiseProduct(direction_).sum();
   const double drag_slope = drag_.cwiseProduct(direction_).sum();
   const double before = step_energy(x, rate);
-  double fraction = 1;
-  for (; fraction > kSmallestFraction; fraction *= 0.5) {
+  if (-slope < kRounding * std::abs(before)) return 1;  // too little to be seen in the energy
+  for (double fraction = 1; fraction > kSmallestFraction; fraction *= 0.5) {
     trial_ = x + fraction * direction_;
     const double change = step_energy(trial_, rate) - before - fraction * drag_slope;
-    if (change <= kSufficientDecrease * fraction * slope + kRounding * std::abs(before)) break;
+    if (change <= kSufficientDecrease * fraction * slope) return fraction;
   }
-  return fraction;
+  return 0;
 }
 
 bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::string& reason) {
@@ -288,6 +295,7 @@ bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::
     const double largest = direction_.cwiseAbs().maxCoeff();
     if (!std::isfinite(largest)) return fail("the solution ceased to be finite");
     const double fraction = largest > tolerance ? search_line(next.x, rate) : 1;
+    if (fraction == 0) return fail("no step along Newton's direction lowers the energy");
     change = fraction * largest;
     next.x += fraction * direction_;
     if (change < tolerance) return true;

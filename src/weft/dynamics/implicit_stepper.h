@@ -26,7 +26,9 @@
 ///     r^2 / 2 (x - xhat)^T M (x - xhat) + potential(x; r, H(C)) - (work of drag).
 ///
 /// Damping acts on strain rates, and the rate of a strain C follows the same formula,
-/// Cdot(n+1) = r C(x(n+1)) - H(C), so that damping is the gradient of a function of x. Drag is
+/// Cdot(n+1) = r C(x(n+1)) - H(C), so that damping is the gradient of a function of x. Newmark
+/// takes BDF2's formula for the strains (but for the first step): with its own, the rates of
+/// strongly damped strains alternate in sign from step to step and nothing damps that. Drag is
 /// evaluated at the end of the step; it has no potential, so the line search holds it at its last
 /// value, and the matrix has its derivative with respect to velocity, times r, without the one with
 /// respect to position.
@@ -62,6 +64,7 @@ class ImplicitStepper {
     double rate, current, previous, derivative;  // r, p, q, s
   };
   Formula formula(double h) const;
+  Formula strain_formula(double h, const Formula& f) const;
   bool needs_start_step(double h) const;
   bool take_step(double time, Trajectory& counts, std::string& reason);
   bool solve_stage(double time, const Formula& f, const State* previous, State& next,
@@ -87,6 +90,7 @@ class ImplicitStepper {
   // Of the step at hand.
   Points x_history_, v_history_;
   VecX c_history_;
+  double strain_rate_ = 0;
   // Work space.
   SparseMatrix hessian_, projected_hessian_;
   Points velocity_, gradient_, unused_gradient_, drag_, direction_, trial_;
