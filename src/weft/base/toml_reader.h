@@ -18,8 +18,8 @@ struct Range {
 };
 
 /// Reads one table of a TOML file and insists that every key in it is asked for: `finish()` throws
-/// for a key that nobody read (with the nearest known key as a hint). All errors name file, line and
-/// key, the value found and what is valid.
+/// for a key that nobody read (with the nearest known key as a hint). All errors name file, line
+/// and key, the value found and what is valid.
 ///
 ///     TomlTable file = TomlTable::parse_file("capture.toml");
 ///     TomlTable swatch = file.table("swatch");

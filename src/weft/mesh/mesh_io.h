@@ -1,6 +1,6 @@
 #pragma once
-/// Reading and writing of meshes and mesh sequences. Every reader throws Error (with the line, where
-/// there is one) for a file that is missing, cut short, or not what it says.
+/// Reading and writing of meshes and mesh sequences. Every reader throws Error (with the line,
+/// where there is one) for a file that is missing, cut short, or not what it says.
 #include <filesystem>
 #include <optional>
 #include <string>
