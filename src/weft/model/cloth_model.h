@@ -27,9 +27,10 @@ enum class HessianKind {
 /// be set again. Components are ordered: stretch u and v and shear of each triangle, then the
 /// curvatures K_uu, K_vv and K_uv (with a factor) of each triangle.
 ///
-/// Energy of a component: 1/2 w k C^2 with w the triangle's area (m^2). For the strains k is in N/m;
-/// for the curvatures (1/m, from the dihedral angles at the triangle's edges: bending.h) k is the
-/// flexural rigidity in N m. Energies are linear in area: the parameters do not depend on the mesh.
+/// Energy of a component: 1/2 w k C^2 with w the triangle's area (m^2). For the strains k is in
+/// N/m; for the curvatures (1/m, from the dihedral angles at the triangle's edges: bending.h) k is
+/// the flexural rigidity in N m. Energies are linear in area: the parameters do not depend on the
+/// mesh.
 ///
 /// All functions are const and keep no state between calls: one model may serve several threads.
 /// A triangle that has collapsed gives finite values (stretch.h, dihedral_angle.h).
