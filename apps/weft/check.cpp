@@ -43,9 +43,10 @@ void run(const Arguments& arguments) {
   print_fixtures(capture);
   // Reading refuses frames of another size and frames without cloth.
   const std::vector<Image> frames = read_video(capture, 0, capture.frame_count - 1);
+  const SilhouetteOptions silhouette_options{.stripe_period = image_stripe_period(capture)};
   double low = 1, high = 0;
   for (const Image& frame : frames) {
-    const SilhouetteResult found = find_silhouette(frame, {});
+    const SilhouetteResult found = find_silhouette(frame, silhouette_options);
     const double share =
         found.silhouette.cast<double>().sum() / static_cast<double>(found.silhouette.size());
     low = std::min(low, share);

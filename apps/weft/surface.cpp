@@ -44,7 +44,8 @@ void run(const Arguments& arguments) {
   const int k = arguments.frame;
   const Image frame = read_video(capture, k, k).front();
   const Scene scene = make_scene(capture, arguments.grid, arguments.grid, k, k);
-  const Mask silhouette = find_silhouette(frame, {}).silhouette;
+  const SilhouetteOptions silhouette_options{.stripe_period = image_stripe_period(capture)};
+  const Mask silhouette = find_silhouette(frame, silhouette_options).silhouette;
   const StripePoints points = decode_stripes(frame, silhouette, capture.rig, scene);
   const SurfaceFit fit = fit_surface(points, silhouette, capture.rig, scene);
   write_mesh(arguments.out, scene.mesh, fit.x,
