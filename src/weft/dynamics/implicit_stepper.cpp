@@ -164,7 +164,12 @@ void ImplicitStepper::predict(double time, double rate, Points& x) {
   trial_ = (rate * x_history_ + v_history_) / (rate * rate);
   prescribe_positions(fixtures_, time, x);
   prescribe_positions(fixtures_, time, trial_);
-  if (!(step_energy(x, rate) <= step_energy(trial_, rate))) std::swap(x, trial_);
+  energy_ = step_energy(x, rate);
+  const double other = step_energy(trial_, rate);
+  if (!(energy_ <= other)) {
+    std::swap(x, trial_);
+    energy_ = other;
+  }
 }
 
 /// gradient_ of the step's energy (with drag as a force) at the free vertices and, unless `kind` is
@@ -248,16 +253,18 @@ bool ImplicitStepper::find_direction() {
   return false;
 }
 
+/// `energy_` is that of x, and becomes that of where this leads (as far as it can be told from it).
 /// Largest fraction 1, 1/2, 1/4 ... of direction_ that lowers the step's energy enough; 0 if none
 /// does. Drag enters as a constant force.
 double ImplicitStepper::search_line(const Points& x, double rate) {
   const double slope = gradient_.cwiseProduct(direction_).sum();
   const double drag_slope = drag_.cwiseProduct(direction_).sum();
-  const double before = step_energy(x, rate);
+  const double before = energy_;
   if (-slope < kRounding * std::abs(before)) return 1;  // too little to be seen in the energy
   for (double fraction = 1; fraction > kSmallestFraction; fraction *= 0.5) {
     trial_ = x + fraction * direction_;
-    const double change = step_energy(trial_, rate) - before - fraction * drag_slope;
+    energy_ = step_energy(trial_, rate);
+    const double change = energy_ - before - fraction * drag_slope;
     if (change <= kSufficientDecrease * fraction * slope) return fraction;
   }
   return 0;

@@ -91,6 +91,7 @@ class ImplicitStepper {
   Points x_history_, v_history_;
   VecX c_history_;
   double strain_rate_ = 0;
+  double energy_ = 0;  // of the step, at the positions at hand, but for drag
   // Work space.
   SparseMatrix hessian_, projected_hessian_;
   Points velocity_, gradient_, unused_gradient_, drag_, direction_, trial_;
