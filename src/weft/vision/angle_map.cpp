@@ -26,9 +26,10 @@ using detail::Taps;
 
 constexpr float kPi = std::numbers::pi_v<float>;
 
-/// The last tap stands where the Gaussian is exp(-2.4^2) = 0.3 %: 0.4 / px at radius 6. The response of
-/// G2 peaks at a period of pi / 0.4 = 7.9 px and has fallen to 47 % at 17 px and to 15 % at 32 px; with
-/// the peak at a longer period, 13 taps would cut the Gaussian off and bend the angle.
+/// The last tap stands where the Gaussian is exp(-2.4^2) = 0.3 %: 0.4 / px at radius 6. The
+/// response of G2 peaks at a period of pi / 0.4 = 7.9 px and has fallen to 47 % at 17 px and to 15
+/// % at 32 px; with the peak at a longer period, 13 taps would cut the Gaussian off and bend the
+/// angle.
 constexpr double kReach = 2.4;
 /// Period at which G2 and H2 are an exact quadrature pair, of the radius: 17 px for 6 px.
 constexpr double kPeriodPerRadius = 17.0 / 6.0;
