@@ -20,8 +20,8 @@ void add_options(ContentHash& hash, const TrialOptions& options) {
   hash.add(options.rows);
   hash.add(options.alpha);
   const AngleMapOptions& angles = options.angle_map;
-  for (const double value :
-       {angles.kernel_radius, angles.blur_sigma, angles.mask_threshold, angles.energy_threshold})
+  for (const double value : {angles.kernel_radius, angles.blur_sigma, angles.mask_threshold,
+                             angles.energy_threshold, angles.coherence_threshold})
     hash.add(value);
   const SimulationOptions& simulation = options.simulation;
   hash.add(simulation.integrator);
