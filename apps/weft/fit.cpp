@@ -171,7 +171,9 @@ void run(const Arguments& arguments) {
     pictures.push_back(pictures_of(*all, trajectory));
   }
   Report report = report_of_fit(problem, fit, evaluations);
-  report.title = fmt::format("Fit of {}", fmt::join(arguments.captures, ", "));
+  std::vector<std::string> names;
+  for (const Capture& capture : captures) names.push_back(capture.name);
+  report.title = fmt::format("Fit of {}", fmt::join(names, ", "));
   report.command = command_line();
   report.created = now();
   report.method = "coarse search, then simulated annealing";

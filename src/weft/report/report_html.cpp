@@ -147,9 +147,12 @@ std::string head(const Report& report) {
       escaped(report.program_version), escaped(report.title), subtitle);
   const auto warnings = report_warnings(report);
   if (warnings.empty()) {
-    html +=
-        "<p class=\"quiet\" id=\"warnings\">No warnings: the error fell, every fitted parameter is "
-        "determined and inside its range.</p>\n";
+    const bool examined = std::all_of(
+        report.parameters.begin(), report.parameters.end(),
+        [](const ReportParameter& p) { return !p.free || p.variability_percent.has_value(); });
+    html += fmt::format("<p class=\"quiet\" id=\"warnings\">No warnings: the error fell{}</p>\n",
+                        examined ? ", every fitted parameter is determined and inside its range."
+                                 : ". Whether the data determine each parameter was not examined.");
   } else {
     html +=
         "<section class=\"warnings\" id=\"warnings\"><h2>Before you use these numbers</h2><ul>\n";
