@@ -30,9 +30,7 @@ void add_subcommands(CLI::App& app) {
   }
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app(
       "weft estimates the parameters of a cloth simulator from video of a swatch under "
       "projected stripes");
@@ -57,4 +55,15 @@ int main(int argc, char** argv) {
     return kInternalError;
   }
   return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (...) {
+    std::fputs("weft: internal error\n", stderr);
+    return kInternalError;
+  }
 }
