@@ -72,26 +72,25 @@ ReportPerturbation report_perturbation(const PerturbationCurve& curve) {
 }
 
 CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory) {
-  const int first = trial.first_frame;
-  const int count =
-      std::min(trial.frame_count(), static_cast<int>(trajectory.frames.size()) - first);
-  const std::vector<Image> measured = read_video(trial.capture, first, first + count - 1);
-  std::vector<Mask> silhouettes;
-  for (int k = 0; k < count; ++k) {
-    silhouettes.push_back(trial.features[static_cast<std::size_t>(k)].silhouette);
-  }
-  FramePicturesOptions options;
-  options.crop = bounding_box(silhouettes, 12);
+  const auto first = static_cast<std::size_t>(trial.first_frame);
+  // A simulation that diverged has fewer frames than the video.
+  const std::size_t end = std::min(first + trial.features.size(), trajectory.frames.size());
   CapturePictures pictures;
   pictures.capture = trial.capture.name;
-  for (int k = 0; k < count; ++k) {
-    const SimulatedFrame simulated =
-        look_at(trial, trajectory.frames[static_cast<std::size_t>(first + k)]);
+  if (end <= first) return pictures;
+  const std::vector<Image> measured =
+      read_video(trial.capture, trial.first_frame, static_cast<int>(end) - 1);
+  std::vector<Mask> silhouettes;
+  for (const FrameFeatures& features : trial.features) silhouettes.push_back(features.silhouette);
+  FramePicturesOptions options;
+  options.crop = bounding_box(silhouettes, 12);
+  for (std::size_t k = first; k < end; ++k) {
+    const SimulatedFrame simulated = look_at(trial, trajectory.frames[k]);
     FrameView view;
-    view.frame = first + k;
-    view.measured = measured[static_cast<std::size_t>(k)];
+    view.frame = static_cast<int>(k);
+    view.measured = measured[k - first];
     view.simulated = simulated.image.intensity;
-    view.features = trial.features[static_cast<std::size_t>(k)];
+    view.features = trial.features[k - first];
     view.simulated_angles = simulated.angles;
     view.simulated_silhouette = simulated.image.silhouette;
     pictures.frames.push_back(make_frame_pictures(view, options));

@@ -161,8 +161,8 @@ TEST(Renderer, StripeEdgesAreWhereTheLightPlanesMeetTheSurface) {
     int edges = 0;
     double sum = 0;
     for (int j = 0; j < rig.width; ++j)
-      for (int i = 1; i < rig.height; ++i) {
-        if (!(frame.silhouette.block(std::max(i - 4, 0), j, 6, 1) > 0).all()) continue;
+      for (int i = 4; i + 2 <= rig.height; ++i) {
+        if (!(frame.silhouette.block(i - 4, j, 6, 1) > 0).all()) continue;
         const double above = frame.intensity(i - 1, j) / white.intensity(i - 1, j) - level;
         const double below = frame.intensity(i, j) / white.intensity(i, j) - level;
         if ((above > 0) == (below > 0)) continue;
