@@ -29,7 +29,6 @@ TEST(StartShapes, FlatSheetHangsFromItsCorners) {
   EXPECT_LT((x.col(10) - Vec3(0.2, 0.1, 1)).norm(), 1e-12);
   // Last row, last column: below the right corner by the height of the swatch.
   EXPECT_LT((x.col(98) - Vec3(0.2, 0.1, 0.6)).norm(), 1e-12);
-  EXPECT_NEAR(std::abs(sheet_normal(scene).y()), 1, 1e-12);
 }
 
 TEST(StartShapes, HeldByItsBottomCornersItStillHangsDown) {
@@ -45,7 +44,7 @@ TEST(StartShapes, OneAndFourFixtures) {
   EXPECT_TRUE(one.allFinite());
 
   const Scene scene =
-      hung_by({{0, {0, 0, 0}}, {10, {0.4, 0, 0}}, {88, {0, 0.4, 0}}, {98, {0.4, 0.4, 0}}});
+      hung_by({{0, {0, 0, 0}}, {10, {0.4, 0, 0}}, {88, {0, 0.4, 0}}, {98, {0.4, 0.4, 0.1}}});
   const Points four = flat_sheet(scene);
   for (const PointFixture& fixture : scene.fixtures) {
     EXPECT_LT((four.col(fixture.vertex) - fixture.motion.position(0)).norm(), 1e-12);

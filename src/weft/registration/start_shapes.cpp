@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "weft/base/error.h"
+#include "weft/dynamics/state.h"
 #include "weft/registration/stripe_surface.h"
 
 namespace weft {
@@ -27,10 +28,14 @@ Vec3 any_perpendicular(const Vec3& direction) {
   return (other - direction * (direction.dot(other) / direction.squaredNorm())).normalized();
 }
 
+double start_time(const Scene& scene) {
+  return scene.frame_times.empty() ? 0.0 : scene.frame_times.front();
+}
+
 SheetFrame sheet_frame(const Scene& scene) {
   const auto count = static_cast<Eigen::Index>(scene.fixtures.size());
   if (count == 0) throw Error("start shapes: the scene has no fixtures");
-  const double time = scene.frame_times.empty() ? 0.0 : scene.frame_times.front();
+  const double time = start_time(scene);
   MaterialPoints material(2, count);
   Points world(3, count);
   for (Eigen::Index f = 0; f < count; ++f) {
@@ -86,12 +91,9 @@ Points flat_sheet(const Scene& scene) {
     x.col(v) =
         frame.origin + frame.along * frame.a.dot(offset) + frame.across * frame.b.dot(offset);
   }
+  // More than three fixtures need not lie as a plane would have them.
+  prescribe_positions(scene.fixtures, start_time(scene), x);
   return x;
-}
-
-Vec3 sheet_normal(const Scene& scene) {
-  const SheetFrame frame = sheet_frame(scene);
-  return frame.along.cross(frame.across).normalized();
 }
 
 std::vector<StartShape> generic_starts(const Scene& scene) {

@@ -8,7 +8,4 @@ namespace weft {
 /// vertices. Needs at least one fixture; throws Error without.
 Points flat_sheet(const Scene& scene);
 
-/// Unit normal of that plane, 3; horizontal for a sheet that hangs.
-Vec3 sheet_normal(const Scene& scene);
-
 }  // namespace weft

@@ -382,9 +382,7 @@ void fill_depth(const std::vector<Node>& nodes, const LightPlanes& planes, doubl
                 Image& depth) {
   const Node* above = nullptr;
   for (const Node& node : nodes) {
-    if (!node.known) {
-      continue;
-    }
+    if (!node.known) continue;
     if (above && above->edge.column == node.edge.column &&
         std::abs(std::abs(node.row - above->row) - 0.5 * period) < 1e-6 * period) {
       const int first = static_cast<int>(std::ceil(above->edge.y - 0.5));

@@ -134,6 +134,29 @@ double typical_contrast(const Image& intensity, const Mask& silhouette, double p
   return *middle;
 }
 
+/// Measures the edge at step k: levels on the plateaus beside it, then where their mean is crossed.
+/// False if there is no edge of at least `threshold`.
+bool measure_edge(const std::vector<double>& profile, const std::vector<Step>& steps, std::size_t k,
+                  double period, double threshold, StripeEdge& edge) {
+  const int row = steps[k].row;
+  const double longest = 0.4 * period;
+  const double before = k > 0 ? steps[k - 1].row : 0;
+  const double after =
+      k + 1 < steps.size() ? steps[k + 1].row : static_cast<double>(profile.size());
+  // Plateaus end where the neighbouring edge's blur begins, but not before the middle.
+  const double top = std::min(std::max(before + blur_reach, row - longest), 0.5 * (before + row));
+  const double bottom = std::max(std::min(after - blur_reach, row + longest), 0.5 * (after + row));
+  const double above = plateau(profile, top, row - blur_reach);
+  const double below = plateau(profile, row + blur_reach, bottom);
+  const double height = below - above;
+  if (height * steps[k].height <= 0 || std::abs(height) < threshold) return false;
+  edge.rising = height > 0;
+  edge.contrast = std::abs(height);
+  edge.modulation = edge.contrast / std::max(above + below, 1e-6);
+  edge.y = crossing(profile, row, 0.5 * (above + below), edge.rising ? 1 : -1);
+  return !std::isnan(edge.y);
+}
+
 /// Drops edges of much less modulation than the middle of all of them.
 void drop_shading(std::vector<StripeEdge>& edges) {
   if (edges.empty()) return;
@@ -154,33 +177,19 @@ std::vector<StripeEdge> find_stripe_edges(const Image& intensity, const Mask& si
   const double contrast = typical_contrast(intensity, silhouette, period);
   if (!(contrast > 0) || period < 4) return edges;
   const double threshold = least_contrast_share * contrast;
-  const double longest_plateau = 0.4 * period;
   std::vector<double> profile;
   std::vector<Step> steps;
+  StripeEdge edge;
   for (int column = 0; column < intensity.cols(); ++column) {
     if (silhouette.col(column).maxCoeff() == 0) continue;
+    edge.column = column;
     column_profile(intensity, column, profile);
     find_steps(profile, threshold, steps);
     for (std::size_t k = 0; k < steps.size(); ++k) {
-      const int row = steps[k].row;
-      if (!away_from_rim(silhouette, column, row)) continue;
-      const double before = k > 0 ? steps[k - 1].row : 0;
-      const double after =
-          k + 1 < steps.size() ? steps[k + 1].row : static_cast<double>(profile.size());
-      // Plateaus end where the neighbouring edge's blur begins, but not before the middle.
-      const double top = std::max({before + blur_reach, row - longest_plateau});
-      const double bottom = std::min({after - blur_reach, row + longest_plateau});
-      const double level_above =
-          plateau(profile, std::min(top, 0.5 * (before + row)), row - blur_reach);
-      const double level_below =
-          plateau(profile, row + blur_reach, std::max(bottom, 0.5 * (after + row)));
-      const double height = level_below - level_above;
-      if (height * steps[k].height <= 0 || std::abs(height) < threshold) continue;
-      const double sign = height > 0 ? 1 : -1;
-      const double y = crossing(profile, row, 0.5 * (level_above + level_below), sign);
-      if (std::isnan(y)) continue;
-      const double modulation = std::abs(height) / std::max(level_above + level_below, 1e-6);
-      edges.push_back({column, y, height > 0, std::abs(height), modulation});
+      if (away_from_rim(silhouette, column, steps[k].row) &&
+          measure_edge(profile, steps, k, period, threshold, edge)) {
+        edges.push_back(edge);
+      }
     }
   }
   drop_shading(edges);

@@ -19,6 +19,10 @@ namespace {
 
 // Fewest decoded points that fix a surface.
 constexpr int least_points = 200;
+// Worst fit that is a measurement: median distance of the points, m, and share of them that see
+// cloth.
+constexpr double largest_residual = 0.003;
+constexpr double least_met = 0.8;
 // The rim of the silhouette weighs as much as points over a strip of this width, m.
 constexpr double contour_strip = 0.01;
 
@@ -192,6 +196,7 @@ class SurfaceFitter {
   std::vector<double> distances(const Points& x, Eigen::VectorXi& support);
 
  private:
+  void find_slots();
   void set_stage(const Stage& stage);
   void associate_points(const Points& x, const Stage& stage);
   void associate_contour(const Points& x, const Stage& stage);
@@ -229,15 +234,13 @@ class SurfaceFitter {
   Points gradient_, direction_, trial_;
 };
 
-Fabric prior_fabric() { return Fabric::with_defaults("registration prior"); }
-
 SurfaceFitter::SurfaceFitter(const StripePoints& points, const Mask& silhouette, const Rig& rig,
                              const Scene& scene)
     : points_(points),
       silhouette_(silhouette),
       rig_(rig),
       scene_(scene),
-      fabric_(prior_fabric()),
+      fabric_(Fabric::with_defaults("registration prior")),
       model_(scene.mesh, fabric_, scene.areal_density, scene.gravity),
       cholesky_(model_.hessian_pattern(), held_vertices(scene.fixtures, scene.mesh.vertex_count()),
                 scene.mesh.material),
@@ -260,19 +263,23 @@ SurfaceFitter::SurfaceFitter(const StripePoints& points, const Mask& silhouette,
       first_triangle_[static_cast<std::size_t>(v)] = t;
     }
   }
-  slots_.resize(scene.mesh.triangles.size());
+  find_slots();
+}
+
+void SurfaceFitter::find_slots() {
+  slots_.resize(scene_.mesh.triangles.size());
   for (std::size_t t = 0; t < slots_.size(); ++t) {
+    const auto index = [&](int k) {
+      return 3 * scene_.mesh.triangles[t][static_cast<std::size_t>(k / 3)] + k % 3;
+    };
     std::size_t entry = 0;
     for (int j = 0; j < 9; ++j) {
       for (int i = j; i < 9; ++i) {
-        const auto index = [&](int k) {
-          return 3 * scene.mesh.triangles[t][static_cast<std::size_t>(k / 3)] + k % 3;
-        };
         const int row = std::max(index(i), index(j)), column = std::min(index(i), index(j));
         const int* begin = hessian_.innerIndexPtr() + hessian_.outerIndexPtr()[column];
         const int* end = hessian_.innerIndexPtr() + hessian_.outerIndexPtr()[column + 1];
-        const int* found = std::lower_bound(begin, end, row);
-        slots_[t][entry++] = static_cast<int>(found - hessian_.innerIndexPtr());
+        slots_[t][entry++] =
+            static_cast<int>(std::lower_bound(begin, end, row) - hessian_.innerIndexPtr());
       }
     }
   }
@@ -427,12 +434,10 @@ double SurfaceFitter::energy(const Points& x) const {
 
 void SurfaceFitter::add_block(int triangle, const Eigen::Matrix<double, 9, 9>& block) {
   const auto& slots = slots_[static_cast<std::size_t>(triangle)];
-  const auto& vertices = scene_.mesh.triangles[static_cast<std::size_t>(triangle)];
   std::size_t entry = 0;
   for (int j = 0; j < 9; ++j) {
     for (int i = j; i < 9; ++i, ++entry) hessian_.valuePtr()[slots[entry]] += block(i, j);
   }
-  (void)vertices;
 }
 
 void SurfaceFitter::add_terms(const Points& x) {
@@ -591,10 +596,12 @@ SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const
   std::erase_if(distances, [](double distance) { return std::isnan(distance); });
   result.residual_median = quantile(distances, 0.5);
   result.residual_p95 = quantile(distances, 0.95);
-  result.usable = result.residual_median < 0.005;
+  const double met = static_cast<double>(distances.size()) / result.points;
+  result.usable = result.residual_median < largest_residual && met > least_met;
   if (!result.usable) {
-    result.note = fmt::format("the cloth stays {:.1f} mm (median) from the decoded points",
-                              1e3 * result.residual_median);
+    result.note = fmt::format(
+        "the cloth stays {:.1f} mm (median) from the decoded points and meets {:.0f} % of them",
+        1e3 * result.residual_median, 100 * met);
   }
   return result;
 }
