@@ -163,7 +163,7 @@ bool write_h264(const std::filesystem::path& path, const std::vector<Image>& fra
 /// Returns what [video] file is called.
 std::string write_video(const std::filesystem::path& folder, const Capture& capture,
                         const CaptureFiles& files) {
-  const std::string video = "video.mp4";
+  std::string video = "video.mp4";
   if (!files.as_images && write_h264(folder / video, files.frames, capture.frame_rate))
     return video;
   make_folder(folder / "frames");

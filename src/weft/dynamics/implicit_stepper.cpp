@@ -126,14 +126,14 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   const State& now = current_;
   x_history_ = f.current * now.x + f.derivative * now.v;
   v_history_ = f.current * now.v + f.derivative * now.a;
-  if (f.previous != 0) {
+  if (previous && f.previous != 0) {
     x_history_ += f.previous * previous->x;
     v_history_ += f.previous * previous->v;
   }
   const Formula c = strain_formula(time - now.time, f);
   strain_rate_ = c.rate;
   c_history_ = c.current * now.c + c.derivative * now.c_rate;
-  if (c.previous != 0) c_history_ += c.previous * previous->c;
+  if (previous && c.previous != 0) c_history_ += c.previous * previous->c;
   next.time = time;
   predict(time, f.rate, next.x);
   if (!newton(next, f.rate, counts, reason)) return false;
