@@ -7,14 +7,16 @@
 ///
 /// with a rate r and a history H that is known when the step begins:
 ///
-///     implicit Euler        r = 1 / h                         p = 1 / h
-///     BDF2                  r = (1 + 2 w) / ((1 + w) h)       p = (1 + w) / h   q = -w^2 / ((1 +
-///     w) h) Newmark (1/4, 1/2)    r = 2 / h                         p = 2 / h         s = 1
+///     integrator          r                      p            q                    s
+///     implicit Euler      1 / h                  1 / h        0                    0
+///     BDF2                (1+2w) / ((1+w) h)     (1+w) / h    -w^2 / ((1+w) h)     0
+///     Newmark             2 / h                  2 / h        0                    1
 ///
 /// w = h / (previous h); with equal steps BDF2 is r = 3 / 2h, p = 2 / h, q = -1 / 2h. Newmark's
-/// x(n+1) = x(n) + h v(n) + h^2 / 4 (a(n) + a(n+1)), v(n+1) = v(n) + h / 2 (a(n) + a(n+1)) is the
-/// trapezoidal rule for x and for v, and solving each for its derivative at the end of the step
-/// gives the line above: the forces enter at the end of the step, those at its start through a(n).
+/// (beta = 1/4, gamma = 1/2) x(n+1) = x(n) + h v(n) + h^2 / 4 (a(n) + a(n+1)), v(n+1) = v(n) + h /
+/// 2 (a(n) + a(n+1)) is the trapezoidal rule for x and for v, and solving each for its derivative
+/// at the end of the step gives the line above: the forces enter at the end of the step, those at
+/// its start through a(n).
 ///
 /// Applied to x and then to v:
 ///
@@ -47,8 +49,13 @@
 
 namespace weft {
 
-/// Advances a state with one of the implicit integrators. Newton with a line search solves each
-/// step; a step that it cannot solve is halved.
+/// Advances a state with one of the implicit integrators. A step that cannot be solved is halved.
+///
+/// Newton's method solves a step: exact Hessians (the projected one in the first iteration, where
+/// the exact one is often indefinite), conjugate gradients for the linear systems, a line search on
+/// the step's energy. The preconditioner is a factor in single precision that is kept from
+/// iteration to iteration and from step to step until it no longer serves. A step ends when the
+/// last change of each coordinate is below newton_tolerance.
 class ImplicitStepper {
  public:
   ImplicitStepper(const ClothModel& model, const std::vector<PointFixture>& fixtures,
