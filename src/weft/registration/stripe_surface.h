@@ -66,9 +66,10 @@ struct SurfaceFit {
 /// renewed every two Newton steps, while s falls from 100 to 5 mm, bending from a length (B /
 /// weight per area)^(1/3) of 60 to 15 mm, and in-plane stiffness rises from 10 to 250 times the
 /// weight of the swatch per width. Points fix the surface along its normal; along itself it is
-/// placed by its rim and by being nearly inextensible. Started from the flat sheet and four generic
-/// shapes; kept is the one of least elastic energy and misfit while bending is still stiff. About
-/// 0.7 s at 25 x 25 vertices and 8000 points.
+/// placed by its rim and by being nearly inextensible. Begun from the flat sheet and four generic
+/// shapes, pulled to the points at once, and from two of them left to sag before the points pull;
+/// the candidate of least elastic energy and misfit while bending is still stiff goes on. About 1 s
+/// at 25 x 25 vertices and 8000 points.
 ///
 /// Stiffnesses are those of a generic fabric of the scene's areal density: nothing is assumed about
 /// the fabric's parameters. Throws Error if the scene has no fixtures.

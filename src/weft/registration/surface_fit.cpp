@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <span>
+#include <tuple>
 
 #include "weft/base/error.h"
 #include "weft/dynamics/simulate.h"
@@ -36,18 +38,29 @@ struct Stage {
   int steps;           ///< Newton steps per association
 };
 
-constexpr std::array<Stage, 6> schedule = {{
+using Stages = std::span<const Stage>;
+
+// Two ways to begin. Pulled to the points at once, cloth that shows no stripes stays where the
+// start has it; left to sag first, it hangs as gravity has it, but what the points say may come too
+// late.
+constexpr std::array<Stage, 4> pulled = {{
     {0.100, 0.060, 10, 1e-3, 8, 2},
     {0.060, 0.040, 25, 5e-4, 6, 2},
     {0.040, 0.030, 60, 2e-4, 6, 2},
     {0.020, 0.020, 120, 1e-4, 6, 2},
+}};
+constexpr std::array<Stage, 4> sagging = {{
+    {0.100, 0.060, 20, 5e-2, 8, 2},
+    {0.060, 0.040, 50, 1e-2, 6, 2},
+    {0.040, 0.030, 100, 2e-3, 6, 2},
+    {0.020, 0.020, 120, 1e-4, 6, 2},
+}};
+// The candidates are compared after these stages, which end alike: still stiff, the sheet shows by
+// its elastic energy where a fold is on the wrong side. The best one goes on.
+constexpr std::array<Stage, 2> finish = {{
     {0.010, 0.015, 250, 5e-5, 6, 2},
     {0.005, 0.015, 250, 5e-5, 6, 2},
 }};
-
-// The start is chosen after this many stages: still stiff, the sheet shows by its elastic energy
-// where a start has put a fold on the wrong side.
-constexpr std::size_t choice_stage = 4;
 
 /// Pulls the point of a triangle towards a plane: 1/2 weight (normal . (sum b_i x_i) - offset)^2.
 struct PlaneTerm {
@@ -189,9 +202,9 @@ class SurfaceFitter {
   SurfaceFitter(const StripePoints& points, const Mask& silhouette, const Rig& rig,
                 const Scene& scene);
 
-  /// Anneals `x` through the stages first..last - 1 of the schedule; returns the energy at the last
-  /// of them, J: elastic, gravity, and robust misfit.
-  double anneal(Points& x, std::size_t first, std::size_t last);
+  /// Takes `x` through the stages; returns its energy at the last of them, J: elastic, and robust
+  /// misfit. Gravity is left out: a moving cloth is not where its weight would have it.
+  double anneal(Points& x, Stages stages);
   /// Distances of the points to the surface, m; NaN for points that see no cloth.
   std::vector<double> distances(const Points& x, Eigen::VectorXi& support);
 
@@ -489,10 +502,9 @@ bool SurfaceFitter::newton_step(Points& x) {
   return false;
 }
 
-double SurfaceFitter::anneal(Points& x, std::size_t first, std::size_t last) {
+double SurfaceFitter::anneal(Points& x, Stages stages) {
   damping_ = 100;
-  for (std::size_t k = first; k < last; ++k) {
-    const Stage& stage = schedule[k];
+  for (const Stage& stage : stages) {
     set_stage(stage);
     for (int round = 0; round < stage.rounds; ++round) {
       visible_.update(x);
@@ -505,7 +517,7 @@ double SurfaceFitter::anneal(Points& x, std::size_t first, std::size_t last) {
       }
     }
   }
-  return misfit(x, schedule[last - 1]) + model_.elastic_energy(x);
+  return misfit(x, stages.back()) + model_.elastic_energy(x);
 }
 
 double SurfaceFitter::misfit(const Points& x, const Stage& stage) {
@@ -552,14 +564,20 @@ std::vector<double> SurfaceFitter::distances(const Points& x, Eigen::VectorXi& s
   return result;
 }
 
-/// The flat sheet, bulged to either side, and folded once to either side: what the annealing cannot
-/// turn into one another is the side of the first fold.
-std::vector<Points> fit_starts(const Scene& scene) {
-  std::vector<Points> starts{flat_sheet(scene)};
-  for (StartShape& shape : generic_starts(scene)) {
-    if (starts.size() < 5) starts.push_back(std::move(shape.x));
-  }
-  return starts;
+/// Where a fit may begin, and how.
+struct Beginning {
+  Points x;
+  Stages stages;
+};
+
+/// What annealing cannot turn into one another is the side of the first fold: the flat sheet,
+/// bulged to either side and folded once, and the bulges left to sag first.
+std::vector<Beginning> beginnings(const Scene& scene) {
+  std::vector<Beginning> result{{flat_sheet(scene), pulled}};
+  const std::vector<StartShape> shapes = generic_starts(scene);
+  for (std::size_t k = 0; k < 4; ++k) result.push_back({shapes[k].x, pulled});
+  for (std::size_t k = 0; k < 2; ++k) result.push_back({shapes[k].x, sagging});
+  return result;
 }
 
 double quantile(std::vector<double> values, double share) {
@@ -585,13 +603,13 @@ SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const
   }
   SurfaceFitter fitter(points, silhouette, rig, scene);
   double least = std::numeric_limits<double>::infinity();
-  for (Points& start : fit_starts(scene)) {
-    const double energy = fitter.anneal(start, 0, choice_stage);
+  for (Beginning& beginning : beginnings(scene)) {
+    const double energy = fitter.anneal(beginning.x, beginning.stages);
     if (!(energy < least)) continue;
     least = energy;
-    result.x = std::move(start);
+    result.x = std::move(beginning.x);
   }
-  fitter.anneal(result.x, choice_stage, schedule.size());
+  fitter.anneal(result.x, finish);
   std::vector<double> distances = fitter.distances(result.x, result.support);
   std::erase_if(distances, [](double distance) { return std::isnan(distance); });
   result.residual_median = quantile(distances, 0.5);
