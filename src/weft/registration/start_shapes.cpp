@@ -50,7 +50,7 @@ SheetFrame sheet_frame(const Scene& scene) {
   world.colwise() -= frame.origin;
 
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(material * material.transpose());
-  const Vec2 spread = axes.eigenvalues();
+  const Vec2& spread = axes.eigenvalues();
   const double size =
       (scene.mesh.material.rowwise().maxCoeff() - scene.mesh.material.rowwise().minCoeff())
           .squaredNorm();

@@ -109,12 +109,14 @@ class VisibleTriangles {
     BarycentricGradient barycentric;
     if (!barycentric.set(point(i), point(j), point(k))) return;
     const ImagePoint gradient = barycentric.of(inverse(i), inverse(j), inverse(k));
+    const ImagePoint origin = point(i);
+    const float inverse_origin = inverse(i);
     for_each_span(point(i), point(j), point(k), rig_->width, rig_->height,
                   [&](int row, int begin, int end) {
                     for (int column = begin; column < end; ++column) {
-                      const float dx = static_cast<float>(column) + 0.5f - point(i).x;
-                      const float dy = static_cast<float>(row) + 0.5f - point(i).y;
-                      const float value = inverse(i) + gradient.x * dx + gradient.y * dy;
+                      const float dx = static_cast<float>(column) + 0.5f - origin.x;
+                      const float dy = static_cast<float>(row) + 0.5f - origin.y;
+                      const float value = inverse_origin + gradient.x * dx + gradient.y * dy;
                       if (value <= inverse_depth_(row, column)) continue;
                       inverse_depth_(row, column) = value;
                       id_(row, column) = t;
