@@ -17,6 +17,12 @@ using Points = Eigen::Matrix3Xd;
 /// (u, v) on the undeformed fabric: 2 x n, m.
 using MaterialPoints = Eigen::Matrix2Xd;
 
+/// Derivatives by up to this many parameters are computed side by side.
+inline constexpr int kDirections = 16;
+/// Derivatives of a quantity by parameters: a row an entry (for positions 3 vertex + coordinate), a
+/// column a parameter. Columns that no parameter uses are zero.
+using Directions = Eigen::Matrix<double, Eigen::Dynamic, kDirections, Eigen::RowMajor>;
+
 /// Column-major, 32-bit indices: what Eigen's direct solvers take.
 using SparseMatrix = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
 

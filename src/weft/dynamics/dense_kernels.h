@@ -13,6 +13,8 @@
 #include <immintrin.h>
 #endif
 
+#include "weft/base/types.h"
+
 namespace weft::dense {
 
 #if defined(__AVX512F__)
@@ -207,6 +209,69 @@ void solve_backward(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots
     x[q + 1] = (x[q + 1] - sum<Scalar>(s1) - l1[q + 2] * x[q + 2]) * inverse_diagonal[q + 1];
     x[q] = (x[q] - sum<Scalar>(s0) - l0[q + 1] * x[q + 1] - l0[q + 2] * x[q + 2]) *
            inverse_diagonal[q];
+  }
+}
+
+/// kDirections numbers side by side: a row of several right-hand sides.
+template <class Scalar>
+struct RowOf {
+  typedef Scalar type __attribute__((vector_size(kDirections * sizeof(Scalar))));
+};
+template <class Scalar>
+using Row = typename RowOf<Scalar>::type;
+
+template <class Scalar>
+inline Row<Scalar> load_row(const Scalar* x, int row) {
+  Row<Scalar> v;
+  std::memcpy(&v, x + std::ptrdiff_t{kDirections} * row, sizeof v);
+  return v;
+}
+template <class Scalar>
+inline void store_row(Scalar* x, int row, const Row<Scalar>& v) {
+  std::memcpy(x + std::ptrdiff_t{kDirections} * row, &v, sizeof v);
+}
+
+/// solve_forward for kDirections right-hand sides: x has `rows` rows of them.
+template <class Scalar>
+void solve_forward_rows(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
+                        const Scalar* inverse_diagonal, Scalar* x) {
+  for (int q = 0; q < pivots; q += 3) {
+    const Scalar* l0 = panel + q * ld;
+    const Scalar* l1 = l0 + ld;
+    const Scalar* l2 = l1 + ld;
+    const Row<Scalar> x0 = load_row(x, q) * inverse_diagonal[q];
+    const Row<Scalar> x1 = (load_row(x, q + 1) - l0[q + 1] * x0) * inverse_diagonal[q + 1];
+    const Row<Scalar> x2 =
+        (load_row(x, q + 2) - l0[q + 2] * x0 - l1[q + 2] * x1) * inverse_diagonal[q + 2];
+    store_row(x, q, x0);
+    store_row(x, q + 1, x1);
+    store_row(x, q + 2, x2);
+    for (int i = q + 3; i < rows; ++i)
+      store_row<Scalar>(x, i, load_row(x, i) - l0[i] * x0 - l1[i] * x1 - l2[i] * x2);
+  }
+}
+
+/// solve_backward for kDirections right-hand sides.
+template <class Scalar>
+void solve_backward_rows(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
+                         const Scalar* inverse_diagonal, Scalar* x) {
+  for (int q = pivots - 3; q >= 0; q -= 3) {
+    const Scalar* l0 = panel + q * ld;
+    const Scalar* l1 = l0 + ld;
+    const Scalar* l2 = l1 + ld;
+    Row<Scalar> s0 = load_row(x, q), s1 = load_row(x, q + 1), s2 = load_row(x, q + 2);
+    for (int i = q + 3; i < rows; ++i) {
+      const Row<Scalar> v = load_row(x, i);
+      s0 -= l0[i] * v;
+      s1 -= l1[i] * v;
+      s2 -= l2[i] * v;
+    }
+    s2 *= inverse_diagonal[q + 2];
+    s1 = (s1 - l1[q + 2] * s2) * inverse_diagonal[q + 1];
+    s0 = (s0 - l0[q + 1] * s1 - l0[q + 2] * s2) * inverse_diagonal[q];
+    store_row<Scalar>(x, q, s0);
+    store_row<Scalar>(x, q + 1, s1);
+    store_row<Scalar>(x, q + 2, s2);
   }
 }
 

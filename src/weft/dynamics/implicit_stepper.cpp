@@ -42,6 +42,12 @@ void ImplicitStepper::start(State state) {
   previous_.reset();
 }
 
+void ImplicitStepper::start(State state, std::vector<int> parameters) {
+  start(std::move(state));
+  parameters_ = std::move(parameters);
+  inexact_ = 0;
+}
+
 bool ImplicitStepper::needs_start_step(double h) const {
   if (options_.integrator != Integrator::bdf2) return false;
   return !previous_ || h > kMaxStepGrowth * (current_.time - previous_->time);
@@ -143,7 +149,43 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   prescribe_accelerations(fixtures_, time, next.a);
   model_.strains(next.x, next.c);
   next.c_rate = strain_rate_ * next.c - c_history_;
+  if (now.derivatives.followed()) differentiate(next, previous, f, c, counts);
   return true;
+}
+
+/// The derivative of the stage's equation, sensitivity.h.
+void ImplicitStepper::differentiate(State& next, const State* previous, const Formula& f,
+                                    const Formula& c, Trajectory& counts) {
+  const StateDerivatives& now = current_.derivatives;
+  StateDerivatives& h = history_;
+  h.x = f.current * now.x + f.derivative * now.v;
+  h.v = f.current * now.v + f.derivative * now.a;
+  h.c = c.current * now.c + c.derivative * now.c_rate;
+  if (previous && f.previous != 0) {
+    h.x += f.previous * previous->derivatives.x;
+    h.v += f.previous * previous->derivatives.v;
+  }
+  if (previous && c.previous != 0) h.c += c.previous * previous->derivatives.c;
+
+  velocity_ = next.v;
+  assemble(next.x, f.rate, HessianKind::exact, unused_gradient_, hessian_);
+  response_.set_state(model_, next, parameters_);
+  response_.add_inertia(model_.masses(), f.rate * h.x + h.v);
+  response_.add_damping_history(model_, h.c);
+  response_.add_velocity_history(h.x);
+  // The factor also serves the next step's first iteration.
+  StateDerivatives& d = next.derivatives;
+  d.x = now.x + (next.time - current_.time) * now.v;
+  const bool definite = refactorize(next.x, f.rate, counts);
+  if (!definite || !response_.solve(hessian_, preconditioner_, held_, d.x)) ++inexact_;
+  d.v = f.rate * d.x - h.x;
+  d.a = f.rate * d.v - h.v;
+  response_.strains().multiply(d.x, d.c);
+  d.c_rate = strain_rate_ * d.c - h.c;
+}
+
+Directions ImplicitStepper::reaction_derivatives() {
+  return response_.reactions(hessian_, fixtures_, current_.derivatives.x);
 }
 
 double ImplicitStepper::step_energy(const Points& x, double rate) const {

@@ -43,6 +43,7 @@
 #include <optional>
 #include <string>
 
+#include "weft/dynamics/linear_response.h"
 #include "weft/dynamics/simulate.h"
 #include "weft/dynamics/sparse_cholesky.h"
 #include "weft/dynamics/state.h"
@@ -62,6 +63,13 @@ class ImplicitStepper {
                   const SimulationOptions& options);
 
   void start(State state);
+  /// The same, with the derivatives by `parameters` followed from those of `state`.
+  void start(State state, std::vector<int> parameters);
+  /// Derivatives of the forces that hold the fixtures, at the end of the last step: 3 fixtures
+  /// rows.
+  Directions reaction_derivatives();
+  /// Linear systems of the derivatives that were not solved as they should (sensitivity.h).
+  long inexact() const { return inexact_; }
   const State& state() const { return current_; }
   /// False, with a reason, if the state at `time` could not be reached.
   bool advance(double time, Trajectory& counts, const StepObserver& observer, std::string& reason);
@@ -77,6 +85,8 @@ class ImplicitStepper {
   bool solve_stage(double time, const Formula& f, const State* previous, State& next,
                    Trajectory& counts, std::string& reason);
   bool newton(State& next, double rate, Trajectory& counts, std::string& reason);
+  void differentiate(State& next, const State* previous, const Formula& f, const Formula& c,
+                     Trajectory& counts);
   void predict(double time, double rate, Points& x);
   double step_energy(const Points& x, double rate) const;
   void linearize(const State& next, double rate, std::optional<HessianKind> kind);
@@ -103,6 +113,11 @@ class ImplicitStepper {
   SparseMatrix hessian_, projected_hessian_;
   Points velocity_, gradient_, unused_gradient_, drag_, direction_, trial_;
   Points residual_, scaled_residual_, search_, product_;
+  // Derivatives.
+  std::vector<int> parameters_;
+  LinearResponse response_;
+  StateDerivatives history_;
+  long inexact_ = 0;
 };
 
 }  // namespace weft

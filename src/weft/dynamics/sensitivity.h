@@ -22,19 +22,13 @@
 
 namespace weft {
 
-/// Derivatives by up to this many parameters are computed side by side.
-inline constexpr int kDirections = 16;
-/// Rows as the quantity's entries (for positions 3 v + coordinate), a column a parameter; columns
-/// that no parameter uses are zero.
-using Directions = Eigen::Matrix<double, Eigen::Dynamic, kDirections, Eigen::RowMajor>;
-
 /// Derivatives with respect to each of `parameters`, per unit of the parameter, at the frames of a
 /// trajectory.
 struct Sensitivities {
-  std::vector<int> parameters;           ///< indices into the model's table; column i belongs to [i]
-  std::vector<Directions> x;             ///< [frame](3 vertices, parameter), m per unit
-  std::vector<Directions> v;             ///< [frame](3 vertices, parameter), m/s per unit
-  std::vector<Directions> reactions;     ///< [frame](3 fixtures, parameter), N per unit
+  std::vector<int> parameters;        ///< indices into the model's table; column i belongs to [i]
+  std::vector<Directions> x;          ///< [frame](3 vertices, parameter), m per unit
+  std::vector<Directions> v;          ///< [frame](3 vertices, parameter), m/s per unit
+  std::vector<Directions> reactions;  ///< [frame](3 fixtures, parameter), N per unit
   /// Systems whose matrix was not positive definite, or that did not reach the tolerance: their
   /// solution is that of the nearest positive definite matrix, or the last iterate. 0 is usual.
   long inexact = 0;

@@ -2,12 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "weft/base/error.h"
 #include "weft/dynamics/implicit_stepper.h"
+#include "weft/dynamics/linear_response.h"
 #include "weft/dynamics/runge_kutta.h"
+#include "weft/dynamics/sensitivity.h"
 #include "weft/dynamics/state.h"
 
 namespace weft {
@@ -103,18 +106,46 @@ int steps_per_frame(const SimulationOptions& options) {
 class Run {
  public:
   Run(const ClothModel& model, const Scene& scene, const SimulationOptions& options,
-      const StepObserver& observer, Trajectory& trajectory)
+      const StepObserver& observer, Trajectory& trajectory, Sensitivities* sensitivities)
       : model_(model),
         scene_(scene),
         options_(options),
         observer_(observer),
-        trajectory_(trajectory) {}
+        trajectory_(trajectory),
+        sensitivities_(sensitivities) {}
 
-  template <class Stepper>
-  void run(State start) {
-    Stepper stepper(model_, scene_.fixtures, options_);
+  void run_explicit(State start) {
+    RungeKuttaStepper stepper(model_, scene_.fixtures, options_);
     stepper.start(std::move(start));
+    follow(stepper, [] {});
+  }
+
+  void run_implicit(State start) {
+    ImplicitStepper stepper(model_, scene_.fixtures, options_);
+    if (!sensitivities_) {
+      stepper.start(std::move(start));
+      return follow(stepper, [] {});
+    }
+    Directions held;
+    start.derivatives = derivatives_at_rest(
+        model_, scene_.fixtures, start, sensitivities_->parameters,
+        options_.settle == SimulationOptions::Settle::equilibrium, held, sensitivities_->inexact);
+    stepper.start(std::move(start), sensitivities_->parameters);
+    follow(stepper, [&] {
+      if (!sensitivities_->x.empty()) held = stepper.reaction_derivatives();
+      sensitivities_->x.push_back(stepper.state().derivatives.x);
+      sensitivities_->v.push_back(stepper.state().derivatives.v);
+      sensitivities_->reactions.push_back(held);
+    });
+    sensitivities_->inexact += stepper.inexact();
+  }
+
+ private:
+  /// Steps from frame to frame; `keep_more` is called with each.
+  template <class Stepper, class KeepMore>
+  void follow(Stepper& stepper, const KeepMore& keep_more) {
     keep_frame(stepper.state());
+    keep_more();
     const int steps = steps_per_frame(options_);
     for (std::size_t k = 1; k < scene_.frame_times.size(); ++k) {
       const double from = scene_.frame_times[k - 1];
@@ -127,10 +158,10 @@ class Run {
         }
       }
       keep_frame(stepper.state());
+      keep_more();
     }
   }
 
- private:
   void keep_frame(const State& state) {
     if (options_.integrator == Integrator::runge_kutta) {
       model_.forces(state.x, state.v, force_);
@@ -147,13 +178,12 @@ class Run {
   const SimulationOptions& options_;
   const StepObserver& observer_;
   Trajectory& trajectory_;
+  Sensitivities* sensitivities_;
   Points force_;
 };
 
-}  // namespace
-
-Trajectory simulate(const Scene& scene, const Fabric& fabric, const SimulationOptions& options,
-                    const StepObserver& observer) {
+Trajectory run(const Scene& scene, const Fabric& fabric, const SimulationOptions& options,
+               const StepObserver& observer, Sensitivities* sensitivities) {
   check(scene, options);
   const ClothModel model(scene.mesh, fabric, scene.areal_density, scene.gravity);
   Trajectory trajectory;
@@ -177,13 +207,45 @@ Trajectory simulate(const Scene& scene, const Fabric& fabric, const SimulationOp
     diverge(trajectory, "the forces at the start are not finite");
     return trajectory;
   }
-  Run run(model, scene, options, observer, trajectory);
+  Run run(model, scene, options, observer, trajectory, sensitivities);
   if (options.integrator == Integrator::runge_kutta) {
-    run.run<RungeKuttaStepper>(std::move(state));
+    run.run_explicit(std::move(state));
   } else {
-    run.run<ImplicitStepper>(std::move(state));
+    run.run_implicit(std::move(state));
   }
   return trajectory;
+}
+
+}  // namespace
+
+Trajectory simulate(const Scene& scene, const Fabric& fabric, const SimulationOptions& options,
+                    const StepObserver& observer) {
+  return run(scene, fabric, options, observer, nullptr);
+}
+
+TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, const Fabric& fabric,
+                                                        const std::vector<int>& parameters,
+                                                        const SimulationOptions& options) {
+  if (options.integrator == Integrator::runge_kutta) {
+    throw Error("sensitivities: runge-kutta has none; use bdf2, newmark or implicit-euler");
+  }
+  const auto count = static_cast<int>(fabric.values.size());
+  if (parameters.empty() || parameters.size() > kDirections) {
+    throw Error(fmt::format("sensitivities: {} parameters; 1 to {} are possible", parameters.size(),
+                            kDirections));
+  }
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    const auto before = parameters.begin() + static_cast<std::ptrdiff_t>(i);
+    if (parameters[i] < 0 || parameters[i] >= count ||
+        std::find(parameters.begin(), before, parameters[i]) != before) {
+      throw Error(fmt::format("sensitivities: parameter {} is not in [0, {}] or listed twice",
+                              parameters[i], count - 1));
+    }
+  }
+  TrajectoryWithSensitivities out;
+  out.sensitivities.parameters = parameters;
+  out.trajectory = run(scene, fabric, options, {}, &out.sensitivities);
+  return out;
 }
 
 }  // namespace weft

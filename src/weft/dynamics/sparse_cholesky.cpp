@@ -141,6 +141,7 @@ struct SparseCholesky<Scalar>::Impl {
   std::vector<Scalar> inverse_diagonal;
   mutable std::vector<Scalar> ordered;  // right-hand side and solution in the order of elimination
   mutable std::vector<Scalar> work;     // those of one node
+  mutable std::vector<Scalar> ordered_rows, work_rows;  // the same for kDirections of them
 
   void analyse(const SparseMatrix& pattern, const MaterialPoints& material);
   void find_rows(const std::vector<std::vector<int>>& neighbours);
@@ -151,6 +152,8 @@ struct SparseCholesky<Scalar>::Impl {
   bool eliminate(const Node& node);
   void forward(const Node& node) const;
   void backward(const Node& node) const;
+  void forward_rows(const Node& node) const;
+  void backward_rows(const Node& node) const;
 
   Scalar* panel(const Node& node) { return panels.data() + node.panel; }
   const Scalar* panel(const Node& node) const { return panels.data() + node.panel; }
@@ -419,6 +422,60 @@ void SparseCholesky<Scalar>::solve(Points& b) const {
   }
   for (std::size_t k = 0; k < s.order.size(); ++k) {
     for (int i = 0; i < 3; ++i) b(i, s.order[k]) = ordered[3 * k + i];
+  }
+}
+
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::forward_rows(const Node& node) const {
+  const auto pivots = static_cast<std::size_t>(node.pivot_size() * kDirections);
+  const auto rows = static_cast<std::size_t>(node.row_size() * kDirections);
+  Scalar* pivot = ordered_rows.data() + std::ptrdiff_t{3 * kDirections} * node.first;
+  std::copy_n(pivot, pivots, work_rows.data());
+  std::fill_n(work_rows.data() + pivots, rows, Scalar(0));
+  dense::solve_forward_rows(panel(node), static_cast<std::ptrdiff_t>(node.panel_ld),
+                            node.front_size(), node.pivot_size(),
+                            inverse_diagonal.data() + 3 * node.first, work_rows.data());
+  std::copy_n(work_rows.data(), pivots, pivot);
+  const Scalar* from = work_rows.data() + pivots;
+  for (const int rank : node.row_ranks) {
+    Scalar* to = ordered_rows.data() + std::ptrdiff_t{3 * kDirections} * rank;
+    for (int k = 0; k < 3 * kDirections; ++k) to[k] += *from++;
+  }
+}
+
+template <class Scalar>
+void SparseCholesky<Scalar>::Impl::backward_rows(const Node& node) const {
+  const auto pivots = static_cast<std::size_t>(node.pivot_size() * kDirections);
+  Scalar* pivot = ordered_rows.data() + std::ptrdiff_t{3 * kDirections} * node.first;
+  std::copy_n(pivot, pivots, work_rows.data());
+  Scalar* to = work_rows.data() + pivots;
+  for (const int rank : node.row_ranks) {
+    const Scalar* from = ordered_rows.data() + std::ptrdiff_t{3 * kDirections} * rank;
+    to = std::copy_n(from, 3 * kDirections, to);
+  }
+  dense::solve_backward_rows(panel(node), static_cast<std::ptrdiff_t>(node.panel_ld),
+                             node.front_size(), node.pivot_size(),
+                             inverse_diagonal.data() + 3 * node.first, work_rows.data());
+  std::copy_n(work_rows.data(), pivots, pivot);
+}
+
+template <class Scalar>
+void SparseCholesky<Scalar>::solve(Directions& b) const {
+  const Impl& s = *impl_;
+  constexpr std::size_t kBlock = 3 * kDirections;  // of a vertex
+  s.ordered_rows.resize(kBlock * s.order.size());
+  s.work_rows.resize(s.work.size() * kDirections);
+  Scalar* ordered = s.ordered_rows.data();
+  for (std::size_t k = 0; k < s.order.size(); ++k) {
+    const double* from = b.data() + kBlock * static_cast<std::size_t>(s.order[k]);
+    for (std::size_t i = 0; i < kBlock; ++i) ordered[kBlock * k + i] = static_cast<Scalar>(from[i]);
+  }
+  for (const Node& node : s.nodes) s.forward_rows(node);
+  for (auto node = s.nodes.rbegin(); node != s.nodes.rend(); ++node) s.backward_rows(*node);
+  b.setZero();  // where vertices are held
+  for (std::size_t k = 0; k < s.order.size(); ++k) {
+    double* to = b.data() + kBlock * static_cast<std::size_t>(s.order[k]);
+    for (std::size_t i = 0; i < kBlock; ++i) to[i] = ordered[kBlock * k + i];
   }
 }
 

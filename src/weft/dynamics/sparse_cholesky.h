@@ -28,6 +28,8 @@ class SparseCholesky {
   /// b (3 x n) becomes the solution with the last factorization. Columns of held vertices become
   /// zero.
   void solve(Points& b) const;
+  /// The same for kDirections right-hand sides at once (3 n x kDirections).
+  void solve(Directions& b) const;
 
  private:
   struct Impl;

@@ -6,6 +6,12 @@
 
 namespace weft {
 
+/// Derivatives of a state by parameters of the fabric; all empty where they are not followed.
+struct StateDerivatives {
+  Directions x, v, a, c, c_rate;
+  bool followed() const { return x.size() > 0; }
+};
+
 /// Where the cloth is and how it moves.
 struct State {
   double time = 0;  ///< s
@@ -14,6 +20,7 @@ struct State {
   Points a;         ///< m/s^2
   VecX c;           ///< strains of all components
   VecX c_rate;      ///< their rates as the integrator sees them, 1/s
+  StateDerivatives derivatives;
 };
 
 /// Sets the columns of the fixtures' vertices to what their motions say.

@@ -189,10 +189,61 @@ std::array<Lanes, 3> curvature_rates(const BendingGroup& group,
   return out;
 }
 
+/// Parameters of the model's table.
+enum Index {
+  kStretch,
+  kShear,
+  kBend,
+  kStretchDamping,
+  kShearDamping,
+  kBendDamping,
+  kDragTangential,
+  kDragNormal,
+  kDragDegradation,
+  kParameters
+};
+
+ComponentTable component_table(const detail::Elements& elements, int count) {
+  ComponentTable table;
+  table.weight.resize(count);
+  int component = 0;
+  const auto add = [&](double weight, int stiffness) {
+    table.weight[component++] = weight;
+    table.stiffness.push_back(stiffness);
+    table.damping.push_back(stiffness + kStretchDamping);
+  };
+  for (const TriangleGroup& group : elements.triangles)
+    for (int lane = 0; lane < group.count; ++lane)
+      for (const int stiffness : {kStretch, kStretch, kShear})
+        add(group.shape.area[lane], stiffness);
+  for (const BendingGroup& group : elements.bending)
+    for (int lane = 0; lane < group.count; ++lane)
+      for (int k = 0; k < 3; ++k) add(group.area[lane], kBend);
+  assert(component == count);
+  return table;
+}
+
+Matrix3<Lanes> product(const Matrix3<Lanes>& a, const Matrix3<Lanes>& b) {
+  Matrix3<Lanes> out;
+  for (std::size_t r = 0; r < 3; ++r)
+    for (std::size_t c = 0; c < 3; ++c)
+      out.m[3 * r + c] =
+          a.m[3 * r] * b.m[c] + a.m[3 * r + 1] * b.m[3 + c] + a.m[3 * r + 2] * b.m[6 + c];
+  return out;
+}
+
+/// The matrix of b -> a x b.
+Matrix3<Lanes> cross_matrix(const Vector3<Lanes>& a) {
+  const Lanes zero{};
+  return {{zero, -a.z, a.y, a.z, zero, -a.x, -a.y, a.x, zero}};
+}
+
 }  // namespace
 
 struct ClothModel::Impl {
   TriangleMesh mesh;
+  VecX values;
+  ComponentTable components;
   double areal_density;
   Vec3 gravity;
   Coefficients coefficients;
@@ -382,6 +433,7 @@ ClothModel::ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double ar
   impl_->gravity = gravity;
   impl_->elements = detail::make_elements(mesh);
   impl_->masses = areal_density * vertex_areas(mesh);
+  impl_->components = component_table(impl_->elements, component_count());
   set_fabric(fabric);
 }
 
@@ -402,6 +454,7 @@ void ClothModel::set_fabric(const Fabric& fabric) {
       throw Error(fmt::format("fabric \"{}\": {} = {} is not a finite number >= 0", fabric.name,
                               infos[static_cast<std::size_t>(i)].name, fabric.values[i]));
   impl_->coefficients = Coefficients::from(fabric.values);
+  impl_->values = fabric.values;
 }
 
 const TriangleMesh& ClothModel::mesh() const { return impl_->mesh; }
@@ -493,22 +546,110 @@ void ClothModel::forces(const Points& x, const Points& v, Points& force) const {
 
 void ClothModel::force_derivative(const Points& x, const Points& v, int parameter,
                                   Points& derivative) const {
-  constexpr int kDegradation = 8;
-  assert(parameter >= 0 && parameter <= kDegradation);
-  derivative.setZero(3, x.cols());
-  const DragLaw& law = impl_->coefficients.drag;
-  if (parameter == kDegradation) {
-    const auto pressure = [&](const Lanes& s) { return law.pressure_by_degradation(s); };
-    impl_->add_drag(0, pressure, x, v, derivative);
-    return;
-  }
-  // Forces are linear in the other parameters: those of a fabric that has this one alone.
-  VecX one = VecX::Unit(kDegradation + 1, parameter);
-  one[kDegradation] = law.degradation;
-  const Coefficients k = Coefficients::from(one);
+  assert(parameter >= 0 && parameter < kParameters);
+  drag_derivative(x, v, parameter, derivative);
+  if (parameter >= kDragTangential) return;
+  // Forces are linear in these parameters: those of a fabric that has this one alone.
+  const Coefficients k = Coefficients::from(VecX::Unit(kParameters, parameter));
   impl_->add_internal_forces(k, x, v, derivative);
-  const auto pressure = [&](const Lanes& s) { return k.drag.pressure(s); };
-  impl_->add_drag(k.drag.tangential, pressure, x, v, derivative);
+}
+
+void ClothModel::drag_derivative(const Points& x, const Points& v, int parameter,
+                                 Points& derivative) const {
+  derivative.setZero(3, x.cols());
+  DragLaw law = impl_->coefficients.drag;
+  const auto none = [](const Lanes&) { return Lanes{}; };
+  const auto pressure = [&](const Lanes& s) { return law.pressure(s); };
+  const auto by_degradation = [&](const Lanes& s) { return law.pressure_by_degradation(s); };
+  if (parameter == kDragTangential) impl_->add_drag(1, none, x, v, derivative);
+  if (parameter == kDragDegradation) impl_->add_drag(0, by_degradation, x, v, derivative);
+  if (parameter == kDragNormal) {  // linear: the pressure of a coefficient of 1
+    law.normal = 1;
+    impl_->add_drag(0, pressure, x, v, derivative);
+  }
+}
+
+const ComponentTable& ClothModel::components() const { return impl_->components; }
+const VecX& ClothModel::values() const { return impl_->values; }
+
+void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) const {
+  const auto put = [](const Vector3<Lanes>& g, int lane, std::array<double, 3>& to) {
+    to = {g.x[lane], g.y[lane], g.z[lane]};
+  };
+  const auto& elements = impl_->elements;
+  jacobian.triangles.resize(at(impl_->mesh.triangle_count()));
+  jacobian.bending.resize(at(impl_->mesh.triangle_count()));
+  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+    const TriangleGroup& group = elements.triangles[i];
+    const auto c = strains_of(group, x);
+    const auto du = group.shape.du(), dv = group.shape.dv();
+    for (std::size_t vertex = 0; vertex < 3; ++vertex) {
+      const Vector3<Lanes> gradient[3] = {du[vertex] * c.u.direction, dv[vertex] * c.v.direction,
+                                          du[vertex] * c.w.wv + dv[vertex] * c.w.wu};
+      for (int lane = 0; lane < group.count; ++lane) {
+        auto& element = jacobian.triangles[i * kLanes + at(lane)];
+        element.vertices[vertex] = group.vertices[vertex][at(lane)];
+        for (std::size_t k = 0; k < 3; ++k) put(gradient[k], lane, element.gradient[k][vertex]);
+      }
+    }
+  }
+  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
+    const BendingGroup& group = elements.bending[i];
+    const auto curvature = curvature_of(group, x);
+    for (std::size_t k = 0; k < 3; ++k) {
+      std::array<Lanes, 3> one{};
+      one[k] = broadcast<Lanes>(1);
+      const auto gradient = curvature_gradient(group.map, curvature, one);
+      for (int lane = 0; lane < group.count; ++lane) {
+        auto& element = jacobian.bending[i * kLanes + at(lane)];
+        for (std::size_t vertex = 0; vertex < 6; ++vertex) {
+          element.vertices[vertex] = group.vertices[vertex][at(lane)];
+          put(gradient[vertex], lane, element.gradient[k][vertex]);
+        }
+      }
+    }
+  }
+}
+
+void ClothModel::drag_jacobian(const Points& x, const Points& v, DragJacobian& jacobian) const {
+  // The force on each vertex is -A / 3 (P(s) n + k_T (m - s n)) with the mean velocity m, s = m . n
+  // and n = N / |N|, N = (x1 - x0) x (x2 - x0).
+  const DragLaw& law = impl_->coefficients.drag;
+  jacobian.elements.resize(at(impl_->mesh.triangle_count()));
+  for (std::size_t i = 0; i < impl_->elements.triangles.size(); ++i) {
+    const TriangleGroup& group = impl_->elements.triangles[i];
+    const TrianglePositions p = positions(group, x), q = positions(group, v);
+    const Vector3<Lanes> area_vector = cross(p.x1 - p.x0, p.x2 - p.x0);
+    const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
+    const Vector3<Lanes> mean = broadcast<Lanes>(1.0 / 3) * (q.x0 + q.x1 + q.x2);
+    const Lanes s = dot(mean, n), zero{}, one = broadcast<Lanes>(1);
+    const Lanes scale = (-1.0 / 3) * group.shape.area;
+    const Lanes length = dot(area_vector, n);
+    const Lanes inverse = select(length > zero, one / length, zero);
+    // By n: scale ((P' - k_T) n m^T + (P - k_T s) I); then dn = (I - n n^T) / |N| dN.
+    Matrix3<Lanes> by_normal = outer((scale * (law.pressure_rate(s) - law.tangential)) * n, mean);
+    detail::add_to_diagonal(Lanes(scale * (law.pressure(s) - law.tangential * s)), by_normal);
+    SymmetricMatrix3<Lanes> across = (-inverse) * outer(n);
+    detail::add_to_diagonal(inverse, across);
+    const Matrix3<Lanes> by_area_vector = product(by_normal, across.full());
+    // dN by vertex: (x1 - x2) x . and so on, cyclic, with the sign of d(e1 x e2).
+    const Matrix3<Lanes> by_position[3] = {product(by_area_vector, cross_matrix(p.x2 - p.x1)),
+                                           product(by_area_vector, cross_matrix(p.x0 - p.x2)),
+                                           product(by_area_vector, cross_matrix(p.x1 - p.x0))};
+    const Lanes third = (1.0 / 3) * scale;
+    SymmetricMatrix3<Lanes> by_velocity =
+        (third * (law.pressure_rate(s) - law.tangential)) * outer(n);
+    detail::add_to_diagonal(Lanes(third * law.tangential), by_velocity);
+    const Matrix3<Lanes> by_velocity_full = by_velocity.full();
+    for (int lane = 0; lane < group.count; ++lane) {
+      DragJacobian::Element& element = jacobian.elements[i * kLanes + at(lane)];
+      for (std::size_t k = 0; k < 3; ++k) element.vertices[k] = group.vertices[k][at(lane)];
+      for (std::size_t m = 0; m < 9; ++m) {
+        for (std::size_t k = 0; k < 3; ++k) element.by_position[k][m] = by_position[k].m[m][lane];
+        element.by_velocity[m] = by_velocity_full.m[m][lane];
+      }
+    }
+  }
 }
 
 double ClothModel::damping_power(const Points& x, const Points& v) const {

@@ -5,6 +5,7 @@
 
 #include "weft/fabric/fabric.h"
 #include "weft/mesh/triangle_mesh.h"
+#include "weft/model/linear_maps.h"
 
 namespace weft {
 
@@ -89,6 +90,17 @@ class ClothModel {
   /// d force / d p at a fixed state, with p the parameter at `parameter` in the fabric's table (N
   /// per unit of p). Overwrites. Sensitivities need it.
   void force_derivative(const Points& x, const Points& v, int parameter, Points& derivative) const;
+
+  /// What the sensitivities of a motion need besides. The gradients of all strains at x:
+  void strain_jacobian(const Points& x, StrainJacobian& jacobian) const;
+  /// weights and parameters of the components; values of all parameters as in the fabric's table:
+  const ComponentTable& components() const;
+  const VecX& values() const;
+  /// the derivatives of the drag by x and by v:
+  void drag_jacobian(const Points& x, const Points& v, DragJacobian& jacobian) const;
+  /// d drag / d p, N per unit of the parameter; 3 x vertices, zero if the drag does not depend on
+  /// it. Overwrites.
+  void drag_derivative(const Points& x, const Points& v, int parameter, Points& derivative) const;
 
   /// Power taken by damping and by drag, W (both >= 0): for the energy balance.
   double damping_power(const Points& x, const Points& v) const;

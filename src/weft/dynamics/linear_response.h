@@ -1,0 +1,55 @@
+#pragma once
+/// The linear equation of the derivatives of a state by parameters: matrix * dx = right side, with
+/// the matrix of a step or of an equilibrium.
+#include <vector>
+
+#include "weft/dynamics/sparse_cholesky.h"
+#include "weft/dynamics/state.h"
+
+namespace weft {
+
+/// Collects the right side of the equation in sensitivity.h and solves it.
+class LinearResponse {
+ public:
+  /// Starts with - d(grad P)/dtheta + df_drag/dtheta at `state`.
+  void set_state(const ClothModel& model, const State& state, const std::vector<int>& parameters);
+  /// + M `acceleration`.
+  void add_inertia(const VecX& masses, const Directions& acceleration);
+  /// + G^T w kd `strain_history`.
+  void add_damping_history(const ClothModel& model, const Directions& strain_history);
+  /// - df_drag/dv `velocity_history`.
+  void add_velocity_history(const Directions& velocity_history);
+
+  /// x: from a guess to the solution of (`matrix` - df_drag/dx) x = right side at the vertices that
+  /// are not held, by iterative refinement with `factor`, a factor of a matrix near `matrix` (a
+  /// lower triangle). False if the last correction is still above the tolerance.
+  template <class Scalar>
+  bool solve(const SparseMatrix& matrix, const SparseCholesky<Scalar>& factor,
+             const std::vector<char>& held, Directions& x);
+
+  /// (matrix - df_drag/dx) x - right side at the fixtures' vertices, 3 fixtures rows: the
+  /// derivatives of what holds them.
+  Directions reactions(const SparseMatrix& matrix, const std::vector<PointFixture>& fixtures,
+                       const Directions& x);
+  /// right side - (matrix - df_drag/dx) x.
+  const Directions& residual(const SparseMatrix& matrix, const Directions& x);
+
+  const StrainJacobian& strains() const { return strains_; }
+
+ private:
+  StrainJacobian strains_;
+  DragJacobian drag_;
+  Directions right_side_, factors_, residual_;
+  Points drag_derivative_;
+};
+
+/// Derivatives of a state at rest (state_from_rest). `settled`: it is an equilibrium, which moves
+/// with the parameters; otherwise its positions are given. `reactions`: of the fixtures' forces.
+/// Where the stiffness matrix is not positive definite, multiples of the mass matrix are added
+/// until it is, and `inexact` counts one.
+StateDerivatives derivatives_at_rest(const ClothModel& model,
+                                     const std::vector<PointFixture>& fixtures, const State& state,
+                                     const std::vector<int>& parameters, bool settled,
+                                     Directions& reactions, long& inexact);
+
+}  // namespace weft
