@@ -15,7 +15,7 @@
 /// from gives dx = -K^-1 d(grad P)/dtheta (the implicit function theorem).
 ///
 /// All parameters are solved for at once, with one factor a step (single precision, refined in
-/// double until the last correction is below kSensitivityTolerance of the largest entry).
+/// double until the last correction is below 1e-9 of the largest entry).
 #include <vector>
 
 #include "weft/dynamics/simulate.h"
@@ -40,9 +40,10 @@ struct TrajectoryWithSensitivities {
 };
 
 /// simulate(), and the derivatives by `parameters` (indices into the model's table, distinct, 1 to
-/// kDirections of them). The trajectory is the one that simulate() gives. Throws Error for
-/// Integrator::runge_kutta, parameters out of range, and what simulate() throws. If the simulation
-/// diverges there are derivatives for the frames that were reached.
+/// kDirections of them). The trajectory is that of simulate(), to newton_tolerance in each step
+/// (the factors at hand differ). Throws Error for Integrator::runge_kutta, parameters out of range,
+/// and what simulate() throws. If the simulation diverges there are derivatives for the frames that
+/// were reached.
 TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, const Fabric& fabric,
                                                         const std::vector<int>& parameters,
                                                         const SimulationOptions& options = {});
