@@ -1,0 +1,225 @@
+#include "weft/estimate/least_squares.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "weft/base/error.h"
+
+namespace weft {
+namespace {
+
+/// Active-set method for a strictly convex quadratic in a box.
+class BoxProgram {
+ public:
+  BoxProgram(const MatX& a, const VecX& g, const VecX& lower, const VecX& upper)
+      : a_(a),
+        g_(g),
+        lower_(lower),
+        upper_(upper),
+        s_(VecX::Zero(g.size())),
+        held_(static_cast<std::size_t>(g.size()), 0) {}
+
+  VecX solve() {
+    // Each pass binds a bound or releases one at a lower value: no active set comes twice. The cap
+    // is for rounding.
+    const Eigen::Index passes = 20 + 10 * s_.size();
+    for (Eigen::Index pass = 0; pass < passes; ++pass) {
+      const VecX step = free_step();
+      if (move(step)) continue;
+      if (!release()) break;
+    }
+    return s_;
+  }
+
+ private:
+  bool held(Eigen::Index i) const { return held_[static_cast<std::size_t>(i)] != 0; }
+
+  /// From s to the minimum over the coordinates that are not held.
+  VecX free_step() const {
+    std::vector<Eigen::Index> free;
+    for (Eigen::Index i = 0; i < s_.size(); ++i)
+      if (!held(i)) free.push_back(i);
+    VecX step = VecX::Zero(s_.size());
+    if (free.empty()) return step;
+    const VecX gradient = g_ + a_ * s_;
+    const MatX matrix = a_(free, free);
+    const VecX right = -gradient(free);
+    const VecX solution = matrix.ldlt().solve(right);
+    step(free) = solution;
+    return step;
+  }
+
+  /// Along `step` to the first bound, which is held from then on; false if none is met.
+  bool move(const VecX& step) {
+    double fraction = 1;
+    Eigen::Index first = -1;
+    for (Eigen::Index i = 0; i < s_.size(); ++i) {
+      if (held(i) || step[i] == 0) continue;
+      const double room = (step[i] > 0 ? upper_[i] : lower_[i]) - s_[i];
+      if (room / step[i] < fraction) {
+        fraction = std::max(room / step[i], 0.0);
+        first = i;
+      }
+    }
+    s_ += fraction * step;
+    if (first < 0) return false;
+    s_[first] = step[first] > 0 ? upper_[first] : lower_[first];
+    held_[static_cast<std::size_t>(first)] = 1;
+    return true;
+  }
+
+  /// Frees the coordinate whose bound holds it back most; false at the minimum.
+  bool release() {
+    const VecX gradient = g_ + a_ * s_;
+    double most = 1e-12 * g_.lpNorm<Eigen::Infinity>();
+    Eigen::Index which = -1;
+    for (Eigen::Index i = 0; i < s_.size(); ++i) {
+      if (!held(i)) continue;
+      const double pull = s_[i] == lower_[i] ? -gradient[i] : gradient[i];
+      if (lower_[i] < upper_[i] && pull > most) {
+        most = pull;
+        which = i;
+      }
+    }
+    if (which < 0) return false;
+    held_[static_cast<std::size_t>(which)] = 0;
+    return true;
+  }
+
+  const MatX& a_;
+  const VecX &g_, &lower_, &upper_;
+  VecX s_;
+  std::vector<char> held_;
+};
+
+void check(const VecX& start, const VecX& lower, const VecX& upper,
+           const LeastSquaresOptions& options) {
+  if (start.size() == 0 || lower.size() != start.size() || upper.size() != start.size())
+    throw Error("least squares: start and bounds must have the same size, at least 1");
+  if (!(lower.array() <= upper.array()).all())
+    throw Error("least squares: a lower bound is above its upper bound");
+  if (options.max_iterations < 1) throw Error("least squares: max_iterations must be at least 1");
+  if (!(options.step_tolerance >= 0) || !(options.cost_tolerance >= 0))
+    throw Error("least squares: tolerances must not be negative");
+  if (!(options.initial_damping > 0) || !(options.largest_step > 0))
+    throw Error("least squares: initial_damping and largest_step must be above 0");
+}
+
+class LevenbergMarquardt {
+ public:
+  LevenbergMarquardt(const LinearizeFunction& linearize, const CostFunction& cost,
+                     const VecX& lower, const VecX& upper, const LeastSquaresOptions& options,
+                     const LeastSquaresObserver& observer)
+      : linearize_(linearize),
+        cost_(cost),
+        lower_(lower),
+        upper_(upper),
+        options_(options),
+        observer_(observer) {}
+
+  LeastSquaresResult run(const VecX& start) {
+    result_.x = start.cwiseMax(lower_).cwiseMin(upper_);
+    while (result_.iterations < options_.max_iterations) {
+      const QuadraticModel model = linearize_(result_.x);
+      ++result_.iterations;
+      result_.cost = model.cost;
+      if (!std::isfinite(model.cost)) return finished(LeastSquaresEnd::start_infinite);
+      if (result_.iterations == 1) damping_ = options_.initial_damping * scale_of(model);
+      if (!improve(model)) return result_;
+    }
+    return finished(LeastSquaresEnd::max_iterations);
+  }
+
+ private:
+  LeastSquaresResult finished(LeastSquaresEnd end) {
+    result_.end = end;
+    return result_;
+  }
+
+  static double scale_of(const QuadraticModel& model) {
+    const double largest = model.hessian.diagonal().maxCoeff();
+    return largest > 0 ? largest : 1;
+  }
+
+  /// Tries steps, with ever more damping, until one lowers the cost. False if the end is reached.
+  bool improve(const QuadraticModel& model) {
+    for (;;) {
+      const VecX step = solve(model);
+      const double length = step.lpNorm<Eigen::Infinity>();
+      if (!(length > 0)) return end(LeastSquaresEnd::small_step);
+      LeastSquaresStep tried{result_.iterations, result_.x + step, 0, false, damping_};
+      tried.x = tried.x.cwiseMax(lower_).cwiseMin(upper_);
+      tried.cost = cost_(tried.x);
+      ++result_.evaluations;
+      tried.accepted = tried.cost < model.cost;
+      const double predicted = -(model.gradient.dot(step) + 0.5 * step.dot(model.hessian * step));
+      adapt((model.cost - tried.cost) / predicted, scale_of(model));
+      if (tried.accepted) {
+        result_.x = tried.x;
+        result_.cost = tried.cost;
+      }
+      if (observer_ && !observer_(tried)) return end(LeastSquaresEnd::stopped);
+      if (length < options_.step_tolerance) return end(LeastSquaresEnd::small_step);
+      if (predicted < options_.cost_tolerance * model.cost && !tried.accepted)
+        return end(LeastSquaresEnd::small_reduction);
+      if (!tried.accepted) continue;
+      if (model.cost - tried.cost < options_.cost_tolerance * model.cost)
+        return end(LeastSquaresEnd::small_reduction);
+      return true;
+    }
+  }
+
+  bool end(LeastSquaresEnd reason) {
+    result_.end = reason;
+    return false;
+  }
+
+  VecX solve(const QuadraticModel& model) const {
+    MatX damped = model.hessian;
+    damped.diagonal().array() += damping_;
+    const double room = options_.largest_step;
+    return minimize_in_box(damped, model.gradient, (lower_ - result_.x).cwiseMax(-room),
+                           (upper_ - result_.x).cwiseMin(room));
+  }
+
+  void adapt(double gain, double scale) {
+    if (gain > 0) {
+      damping_ *= std::max(1.0 / 3, 1 - std::pow(2 * gain - 1, 3));
+      damping_ = std::max(damping_, kLeastDamping * scale);
+      raise_ = 2;
+    } else {
+      // NaN (an infinite cost) comes here, too.
+      damping_ *= raise_;
+      raise_ *= 2;
+    }
+  }
+
+  static constexpr double kLeastDamping = 1e-9;  // of the largest diagonal entry
+  const LinearizeFunction& linearize_;
+  const CostFunction& cost_;
+  const VecX &lower_, &upper_;
+  const LeastSquaresOptions& options_;
+  const LeastSquaresObserver& observer_;
+  double damping_ = 0, raise_ = 2;
+  LeastSquaresResult result_;
+};
+
+}  // namespace
+
+VecX minimize_in_box(const MatX& a, const VecX& g, const VecX& lower, const VecX& upper) {
+  return BoxProgram(a, g, lower, upper).solve();
+}
+
+LeastSquaresResult minimize_least_squares(const LinearizeFunction& linearize,
+                                          const CostFunction& cost, const VecX& start,
+                                          const VecX& lower, const VecX& upper,
+                                          const LeastSquaresOptions& options,
+                                          const LeastSquaresObserver& observer) {
+  check(start, lower, upper, options);
+  return LevenbergMarquardt(linearize, cost, lower, upper, options, observer).run(start);
+}
+
+}  // namespace weft

@@ -1,0 +1,263 @@
+#include "weft/estimate/uncertainty.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+#include <limits>
+
+#include "estimate/analytic_problem.h"
+#include "weft/base/error.h"
+#include "weft/base/random.h"
+
+namespace weft {
+namespace {
+
+/// A linear problem y = A x + noise, in clusters within which the noise of neighbours is
+/// correlated; solved by least squares.
+struct LinearProblem {
+  int clusters = 30, size = 200;
+  double correlation = 0.98;  ///< of neighbours in a cluster
+  double noise = 0.3;
+  VecX truth;
+
+  struct Solution {
+    VecX x;
+    std::vector<CostPart> parts;
+    double residual_variance = 0;
+    MatX inverse_normal;
+  };
+
+  /// Columns of the design differ in how they vary inside a cluster and between clusters.
+  Solution solve(std::uint64_t seed) const {
+    Rng rng(seed);
+    const auto n = truth.size();
+    std::vector<MatX> a(static_cast<std::size_t>(clusters), MatX(size, n));
+    std::vector<VecX> y(a.size(), VecX(size));
+    MatX normal = MatX::Zero(n, n);
+    VecX right = VecX::Zero(n);
+    for (std::size_t k = 0; k < a.size(); ++k) {
+      double e = rng.normal();
+      for (int i = 0; i < size; ++i) {
+        for (Eigen::Index j = 0; j < n; ++j)
+          a[k](i, j) = 1 + std::cos(0.02 * double((j + 1) * i) + double(k) * double(j));
+        e = correlation * e + std::sqrt(1 - correlation * correlation) * rng.normal();
+        y[k][i] = a[k].row(i).dot(truth) + noise * e;
+      }
+      normal += a[k].transpose() * a[k];
+      right += a[k].transpose() * y[k];
+    }
+    Solution solution;
+    solution.x = normal.ldlt().solve(right);
+    solution.inverse_normal = normal.inverse();
+    for (std::size_t k = 0; k < a.size(); ++k) {
+      const VecX r = a[k] * solution.x - y[k];
+      solution.residual_variance += r.squaredNorm() / (clusters * size);
+      solution.parts.push_back(
+          {0, static_cast<int>(k), 2 * a[k].transpose() * r, 2 * a[k].transpose() * a[k]});
+    }
+    return solution;
+  }
+};
+
+// Over 400 repetitions the standard error of a share of 90 % is 1.5 %.
+TEST(Uncertainty, IntervalsCoverTheTruthUnderCorrelatedNoise) {
+  LinearProblem problem;
+  problem.truth = Vec3(0.3, -0.2, 0.5);
+  const double t = student_quantile(0.95, problem.clusters - 1);
+  const int repetitions = 400;
+  Vec3 covered = Vec3::Zero(), covered_if_independent = Vec3::Zero();
+  for (int i = 0; i < repetitions; ++i) {
+    const auto solution = problem.solve(1000 + static_cast<std::uint64_t>(i));
+    const ClusterCovariance found = cluster_covariance(solution.parts);
+    for (int j = 0; j < 3; ++j) {
+      const double error = std::abs(solution.x[j] - problem.truth[j]);
+      covered[j] += error <= t * std::sqrt(found.covariance(j, j));
+      covered_if_independent[j] +=
+          error <= 1.645 * std::sqrt(solution.residual_variance * solution.inverse_normal(j, j));
+    }
+  }
+  for (int j = 0; j < 3; ++j) {
+    EXPECT_GT(covered[j], 0.85 * repetitions) << j;
+    EXPECT_LT(covered[j], 0.95 * repetitions) << j;
+  }
+  // What is guarded against: residuals taken for independent.
+  EXPECT_LT(covered_if_independent.minCoeff(), 0.5 * repetitions);
+}
+
+// Few clusters, of which half say nothing of the second parameter.
+TEST(Uncertainty, IntervalsCoverTheTruthWithFewUnequalClusters) {
+  const int repetitions = 400, clusters = 12;
+  const double t = student_quantile(0.95, clusters - 1);
+  Vec2 covered = Vec2::Zero();
+  for (int i = 0; i < repetitions; ++i) {
+    Rng rng(static_cast<std::uint64_t>(i), 3);
+    std::vector<CostPart> parts;
+    MatX hessian = MatX::Zero(2, 2);
+    VecX right = VecX::Zero(2);
+    std::vector<VecX> rights;
+    for (int k = 0; k < clusters; ++k) {
+      MatX h(2, 2);
+      const double second = k % 2 == 0 ? 0 : 1 + 0.2 * k;
+      h << 1, 0.3 * second, 0.3 * second, second;
+      // The gradient's noise has covariance h.
+      const MatX root = h.llt().matrixL();
+      const VecX noise =
+          second > 0 ? VecX(root * Vec2(rng.normal(), rng.normal())) : VecX(Vec2(rng.normal(), 0));
+      rights.push_back(noise);
+      right += noise;
+      hessian += h;
+      parts.push_back({0, k, {}, h});
+    }
+    const VecX x = hessian.ldlt().solve(right);  // truth: 0
+    for (int k = 0; k < clusters; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      parts[at].gradient = parts[at].hessian * x - rights[at];
+    }
+    const ClusterCovariance found = cluster_covariance(parts);
+    for (int j = 0; j < 2; ++j)
+      covered[j] += std::abs(x[j]) <= t * std::sqrt(found.covariance(j, j));
+  }
+  EXPECT_GT(covered.minCoeff(), 0.85 * repetitions);
+  EXPECT_LT(covered.maxCoeff(), 0.96 * repetitions);
+}
+
+// The mean of K numbers: the jackknife's variance is s^2 / K exactly.
+TEST(Uncertainty, OfAMeanIsItsStandardError) {
+  const std::vector<double> numbers{1.0, 2.5, -0.5, 4.0, 3.0};
+  double mean = 0, square = 0;
+  for (const double y : numbers) mean += y / 5;
+  for (const double y : numbers) square += (y - mean) * (y - mean) / 4;
+  std::vector<CostPart> parts;
+  for (const double y : numbers)
+    parts.push_back(
+        {0, int(parts.size()), VecX::Constant(1, 2 * (mean - y)), MatX::Constant(1, 1, 2)});
+  EXPECT_NEAR(cluster_covariance(parts).covariance(0, 0), square / 5, 1e-12);
+}
+
+std::vector<CostPart> random_parts(int count, const std::vector<VecX>& rows) {
+  Rng rng(5);
+  std::vector<CostPart> parts;
+  VecX sum = VecX::Zero(rows[0].size());
+  for (int k = 0; k < count; ++k) {
+    CostPart part{0, k, VecX::Zero(rows[0].size()), MatX::Zero(rows[0].size(), rows[0].size())};
+    for (const VecX& row : rows) {
+      const double scale = 1 + rng.uniform();
+      part.hessian += scale * row * row.transpose();
+      part.gradient += 0.01 * rng.normal() * row;
+    }
+    sum += part.gradient;
+    parts.push_back(part);
+  }
+  for (CostPart& part : parts) part.gradient -= sum / count;
+  return parts;
+}
+
+TEST(Uncertainty, DirectionsWithoutDataHaveInfiniteIntervals) {
+  const Problem problem = analytic_problem({"stretch_stiffness", "bend_stiffness", "drag_linear"},
+                                           [](const VecX&) { return 0.0; });
+  // Measured: the sum of the first two, and the third.
+  const auto parts = random_parts(20, {Vec3(1, 1, 0), Vec3(0, 0, 1)});
+  const Uncertainty u = estimate_uncertainty(problem, VecX::Constant(3, 0.5), parts);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_FALSE(u.parameters[i].determined);
+    EXPECT_EQ(u.parameters[i].lower, 0);
+    EXPECT_EQ(u.parameters[i].upper, std::numeric_limits<double>::infinity());
+    EXPECT_TRUE(std::isnan(u.correlation(0, Eigen::Index(i))));
+  }
+  EXPECT_TRUE(u.parameters[2].determined);
+  EXPECT_GT(u.condition, 1e12);
+  ASSERT_FALSE(u.warnings.empty());
+  EXPECT_NE(u.warnings[0].find("condition number"), std::string::npos);
+}
+
+TEST(Uncertainty, IntervalsAreSymmetricInTheSearchCoordinate) {
+  const Problem problem =
+      analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
+  const auto parts = random_parts(20, {Vec2(1, 0.2), Vec2(0.1, 1)});
+  const Vec2 scaled(0.4, 0.6);
+  const Uncertainty u = estimate_uncertainty(problem, scaled, parts);
+  for (int i = 0; i < 2; ++i) {
+    const ParameterInterval& p = u.parameters[static_cast<std::size_t>(i)];
+    EXPECT_TRUE(p.determined);
+    EXPECT_NEAR(to_scaled(problem.info(i), p.upper) - scaled[i], p.half_width, 1e-9);
+    EXPECT_NEAR(scaled[i] - to_scaled(problem.info(i), p.lower), p.half_width, 1e-9);
+    EXPECT_NEAR(p.half_width, student_quantile(0.95, 19) * std::sqrt(u.covariance(i, i)), 1e-12);
+    EXPECT_LT(p.lower, p.value);
+    EXPECT_LT(p.value, p.upper);
+  }
+  // Of a logarithmic coordinate: equal ratios.
+  const ParameterInterval& bend = u.parameters[0];
+  EXPECT_NEAR(bend.upper / bend.value, bend.value / bend.lower, 1e-9);
+  EXPECT_NEAR(u.correlation(0, 1),
+              u.covariance(0, 1) / std::sqrt(u.covariance(0, 0) * u.covariance(1, 1)), 1e-12);
+  EXPECT_EQ(u.correlation(1, 1), 1);
+  EXPECT_TRUE(u.warnings.empty());
+  UncertaintyOptions wider;
+  wider.confidence = 0.99;
+  EXPECT_GT(estimate_uncertainty(problem, scaled, parts, wider).parameters[0].half_width,
+            bend.half_width);
+}
+
+TEST(Uncertainty, AParameterAtABoundIsHeldAndSaid) {
+  const Problem problem =
+      analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
+  auto parts = random_parts(20, {Vec2(1, 0.5), Vec2(0.1, 1)});
+  for (CostPart& part : parts) part.gradient[1] += 0.1;  // drag would go below zero
+  const Uncertainty u = estimate_uncertainty(problem, Vec2(0.5, 0), parts);
+  EXPECT_TRUE(u.parameters[1].at_lower);
+  EXPECT_EQ(u.parameters[1].lower, 0);
+  EXPECT_GT(u.parameters[1].upper, 0);
+  EXPECT_EQ(u.covariance(1, 1), 0);
+  ASSERT_EQ(u.warnings.size(), 1u);
+  EXPECT_NE(u.warnings[0].find("drag_linear lies at the lower bound"), std::string::npos);
+  // The other one as if the held parameter were known.
+  std::vector<CostPart> alone;
+  for (const CostPart& part : parts)
+    alone.push_back({0, part.frame, part.gradient.head(1), part.hessian.topLeftCorner(1, 1)});
+  EXPECT_NEAR(u.covariance(0, 0), cluster_covariance(alone).covariance(0, 0), 1e-15);
+}
+
+TEST(Uncertainty, FramesAreJoinedWithinTheirTrial) {
+  std::vector<CostPart> parts;
+  for (const std::size_t trial : {0u, 1u})
+    for (int k = 0; k < 5; ++k)
+      parts.push_back({trial, k, VecX::Constant(1, k), MatX::Constant(1, 1, 1)});
+  const auto joined = join_frames(parts, 2);
+  ASSERT_EQ(joined.size(), 6u);
+  EXPECT_EQ(joined[0].gradient[0], 1);
+  EXPECT_EQ(joined[2].gradient[0], 4);
+  EXPECT_EQ(joined[3].trial, 1u);
+  EXPECT_EQ(joined[3].hessian(0, 0), 2);
+  EXPECT_THROW(join_frames(parts, 0), Error);
+}
+
+// Table 26.10 of Abramowitz and Stegun: one-sided 0.95 and 0.995.
+TEST(Uncertainty, QuantilesOfStudentsDistribution) {
+  EXPECT_NEAR(student_quantile(0.95, 1), 6.314, 1e-3);
+  EXPECT_NEAR(student_quantile(0.95, 2), 2.920, 1e-3);
+  EXPECT_NEAR(student_quantile(0.95, 3), 2.353, 3e-3);
+  EXPECT_NEAR(student_quantile(0.95, 10), 1.812, 1e-3);
+  EXPECT_NEAR(student_quantile(0.95, 49), 1.677, 1e-3);
+  EXPECT_NEAR(student_quantile(0.995, 30), 2.750, 1e-3);
+  EXPECT_NEAR(student_quantile(0.05, 10), -student_quantile(0.95, 10), 1e-12);
+  EXPECT_THROW(student_quantile(1, 10), Error);
+  EXPECT_THROW(student_quantile(0.5, 0), Error);
+}
+
+TEST(Uncertainty, RejectsBadArguments) {
+  const Problem problem =
+      analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
+  auto parts = random_parts(20, {Vec2(1, 0.5), Vec2(0.1, 1)});
+  EXPECT_THROW(estimate_uncertainty(problem, VecX::Zero(3), parts), Error);
+  EXPECT_THROW(cluster_covariance({parts[0]}), Error);
+  UncertaintyOptions options;
+  options.confidence = 1;
+  EXPECT_THROW(estimate_uncertainty(problem, VecX::Zero(2), parts, options), Error);
+  parts[3].gradient = VecX::Zero(3);
+  EXPECT_THROW(cluster_covariance(parts), Error);
+}
+
+}  // namespace
+}  // namespace weft
