@@ -31,12 +31,11 @@ struct Comparison {
   int selected = 0;
 };
 
-Comparison compare_fabrics(const Arguments& arguments) {
+Comparison compare_fabrics(const Arguments& arguments, std::vector<Fabric> fabrics,
+                           const std::vector<Capture>& captures) {
   Comparison c;
-  for (const std::string& name : arguments.fabrics) c.fabrics.push_back(find_fabric(name));
-  for (const std::string& folder : arguments.captures) {
-    c.trials.push_back(arguments.trial.prepare(folder, TrialArguments::Frames::fit));
-  }
+  c.fabrics = std::move(fabrics);
+  c.trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
   c.cross =
       cross_evaluate(c.fabrics, c.trials, arguments.trial.threads(), progress_observer("compare"));
   c.sum = c.cross.error.rowwise().sum();
@@ -85,11 +84,15 @@ void write_plots(const Arguments& arguments, const Comparison& c) {
 
 void run(const Arguments& arguments) {
   const InterruptGuard guard;
+  std::vector<Fabric> fabrics;
+  for (const std::string& name : arguments.fabrics) fabrics.push_back(find_fabric(name));
+  const std::vector<Capture> captures = read_captures(arguments.captures);
   if (!arguments.out.empty()) {
     prepare_output_folder(arguments.out, {},
                           arguments.overwrite ? Existing::overwrite : Existing::refuse);
   }
-  const Comparison c = compare_fabrics(arguments);
+  if (!arguments.keep.empty()) check_output_file(arguments.keep);
+  const Comparison c = compare_fabrics(arguments, std::move(fabrics), captures);
   print_table(c);
   if (!arguments.out.empty()) write_plots(arguments, c);
   if (!arguments.keep.empty()) {

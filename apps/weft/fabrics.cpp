@@ -53,10 +53,12 @@ void print_fabric(const Fabric& fabric) {
 
 nlohmann::json to_json(const Fabric& fabric) {
   nlohmann::json values;
-  const auto parameters = model_parameters(fabric.model);
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    values[std::string(parameters[i].name)] = {{"value", fabric.values[static_cast<long>(i)]},
-                                               {"unit", parameters[i].unit}};
+  for (int i = 0; i < fabric.values.size(); ++i) {
+    const ParameterInfo info = fabric.info(i);
+    values[std::string(info.name)] = {{"value", fabric.values[i]},
+                                      {"unit", info.unit},
+                                      {"lower", info.lower},
+                                      {"upper", info.upper}};
   }
   return {{"name", fabric.name},
           {"model", fabric.model},
@@ -65,6 +67,10 @@ nlohmann::json to_json(const Fabric& fabric) {
 }
 
 void run(const Arguments& arguments) {
+  if (arguments.name.empty() && (!arguments.scale.empty() || !arguments.out.empty())) {
+    throw Error(fmt::format("{} needs the name of a fabric",
+                            arguments.scale.empty() ? "--out" : "--scale"));
+  }
   if (!arguments.name.empty()) {
     Fabric fabric = find_fabric(arguments.name);
     for (const std::string& scale : arguments.scale) apply_scale(fabric, scale);

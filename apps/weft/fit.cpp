@@ -24,6 +24,7 @@ namespace weft::app {
 namespace {
 
 constexpr int kStoppedEarly = 130;  // as the shell reports a program ended by Ctrl-C
+const std::string kStoreName = "evaluations.sqlite";
 
 struct Arguments {
   std::vector<std::string> captures;
@@ -83,6 +84,8 @@ class PhaseProgress {
                              progress.replayed ? " (replayed)" : ""));
     return !interrupted();
   }
+  /// Ends the last bar.
+  void finish() { bar_.reset(); }
 
  private:
   std::string phase_;
@@ -120,6 +123,11 @@ void print_result(const FitResult& fit, const Report& report,
       certainty = p.determined ? fmt::format("variability {:.3g} %", *p.variability_percent)
                                : "not determined by the data";
     }
+    if (p.at_bound != ReportParameter::Bound::none) {
+      certainty += certainty.empty() ? "" : ", ";
+      certainty += p.at_bound == ReportParameter::Bound::lower ? "at the lower end of its range"
+                                                               : "at the upper end of its range";
+    }
     fmt::print("{:<20} {:>12.5g} {:<11} {}\n", p.name, p.value, p.unit, certainty);
   }
   fmt::print(
@@ -135,30 +143,72 @@ void print_result(const FitResult& fit, const Report& report,
   for (const std::string& warning : report_warnings(report)) fmt::print("warning: {}\n", warning);
 }
 
+/// Whether the folder holds what a fit that was stopped left there: it may continue.
+bool holds_stopped_fit(const std::filesystem::path& out) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(out / "result.json", ignored) ||
+      !std::filesystem::exists(out / kStoreName, ignored)) {
+    return false;
+  }
+  try {
+    return read_result(out / "result.json").stopped;
+  } catch (const Error&) {
+    return false;  // not written by a fit
+  }
+}
+
+/// A run that was killed has its evaluations but no result, one that was stopped has the result
+/// until then; both continue.
+void prepare_folder(const Arguments& arguments, const std::filesystem::path& out) {
+  if (!arguments.overwrite) {
+    std::vector<std::string> results;
+    if (!holds_stopped_fit(out)) results.emplace_back("result.json");
+    prepare_output_folder(out, results, Existing::refuse);
+    return;
+  }
+  prepare_output_folder(out, {}, Existing::overwrite);
+  // SQLite would read a log that a killed run left into the new store.
+  for (const std::string name : {"result.json", "fabric.toml", "report.html"}) {
+    std::filesystem::remove(out / name);
+  }
+  for (const std::string ending : {"", "-wal", "-shm"}) {
+    std::filesystem::remove(out / (kStoreName + ending));
+  }
+}
+
+EvaluationStore open_store(const std::filesystem::path& out, const Problem& problem) {
+  EvaluationStore store(out / kStoreName);
+  if (store.count() > 0 && store.count(problem) == 0) {
+    throw Error(
+        fmt::format("{}: holds {} of another run (other captures, or other options of simulating "
+                    "and comparing); name another folder, or give --overwrite",
+                    out.string(), kStoreName));
+  }
+  return store;
+}
+
+std::vector<std::string> free_parameters(const Arguments& arguments, const std::string& model) {
+  if (!arguments.parameters.empty()) return arguments.parameters;
+  std::vector<std::string> names;
+  for (const ParameterInfo& info : model_parameters(model)) names.emplace_back(info.name);
+  return names;
+}
+
 void run(const Arguments& arguments) {
   const InterruptGuard guard;
   const std::filesystem::path out = arguments.out;
-  std::vector<Capture> captures;
-  for (const std::string& folder : arguments.captures) captures.push_back(read_capture(folder));
-  // A run that was killed has its evaluations but no result; it continues.
-  prepare_output_folder(out, {"result.json"},
-                        arguments.overwrite ? Existing::overwrite : Existing::refuse);
-  std::vector<std::shared_ptr<const Trial>> trials;
-  for (const Capture& capture : captures) {
-    trials.push_back(arguments.trial.prepare(capture, capture.fit_first, capture.fit_last));
-  }
+  const std::vector<Capture> captures = read_captures(arguments.captures);
   const Fabric initial = initial_fabric(arguments, captures.front());
-  std::vector<std::string> free = arguments.parameters;
-  if (free.empty()) {
-    for (const ParameterInfo& info : model_parameters(initial.model)) free.emplace_back(info.name);
-  }
-  const Problem problem(trials, initial, free);
-  const std::filesystem::path store_path = out / "evaluations.sqlite";
-  if (arguments.overwrite) std::filesystem::remove(store_path);
-  EvaluationStore store(store_path);
+  check_parameters("--parameters", initial.model, arguments.parameters);
+  check_parameters("--coarse", initial.model, arguments.coarse);
+  prepare_folder(arguments, out);
+  const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
+  const Problem problem(trials, initial, free_parameters(arguments, initial.model));
+  EvaluationStore store = open_store(out, problem);
   PhaseProgress progress;
   const FitResult fit = run_fit(problem, fit_options(arguments), &store,
                                 [&](const FitProgress& p) { return progress(p); });
+  progress.finish();
   write_fabric(out / "fabric.toml", fit.fabric);
 
   std::vector<CaptureEvaluation> evaluations;
@@ -226,9 +276,11 @@ void add_fit(CLI::App& app) {
   command
       ->add_option("--simplex", arguments->simplex,
                    "edge of the annealing's first simplex, of each parameter's scaled range")
-      ->check(CLI::Range(1e-4, 1.0))
+      ->check(number_in(1e-4, 1))
       ->capture_default_str();
-  command->add_option("--seed", arguments->seed, "of everything random")->capture_default_str();
+  command->add_option("--seed", arguments->seed, "of everything random")
+      ->check(unsigned_integer())
+      ->capture_default_str();
   command->add_flag("--no-variability", arguments->no_variability,
                     "leave out the variability of the parameters");
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");

@@ -51,7 +51,10 @@ ReportSurface to_report(const Landscape& landscape, const Fabric& fabric,
 void run(Arguments arguments) {
   const InterruptGuard guard;
   const Fabric fabric = find_fabric(arguments.fabric);
+  check_parameters("--x", fabric.model, {arguments.options.x_parameter});
+  check_parameters("--y", fabric.model, {arguments.options.y_parameter});
   const Capture capture = read_capture(arguments.capture);
+  check_output_file(arguments.out);
   const int frames = arguments.options.frame_count;
   const int last = frames == 0 ? capture.fit_last : capture.fit_first + frames - 1;
   if (last > capture.fit_last) {

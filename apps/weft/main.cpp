@@ -1,6 +1,7 @@
 /// weft: estimates the parameters of a cloth simulator from measurements of a real fabric.
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <string>
 
@@ -30,6 +31,18 @@ void add_subcommands(CLI::App& app) {
   }
 }
 
+/// CLI11 says of a misspelled command only that one is required.
+void check_command(const CLI::App& app, int argc, char** argv) {
+  const std::string word = argc > 1 ? argv[1] : "";
+  if (word.empty() || word.starts_with('-')) return;
+  std::string known;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (command->check_name(word)) return;
+    known += (known.empty() ? "" : ", ") + command->get_name();
+  }
+  throw weft::Error("\"" + word + "\" is no command; commands: " + known);
+}
+
 int run(int argc, char** argv) {
   CLI::App app(
       "weft estimates the parameters of a cloth simulator from video of a swatch under "
@@ -39,6 +52,7 @@ int run(int argc, char** argv) {
   app.footer("weft COMMAND --help shows the arguments of a command and an example.");
   try {
     add_subcommands(app);
+    check_command(app, argc, argv);
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {
     return app.exit(success);
@@ -61,6 +75,8 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
+    // Of a video that cannot be read the program says so itself, in one line.
+    setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
     return run(argc, argv);
   } catch (...) {
     std::fputs("weft: internal error\n", stderr);

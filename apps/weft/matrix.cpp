@@ -50,13 +50,11 @@ void run(const Arguments& arguments) {
   const InterruptGuard guard;
   std::vector<Fabric> fabrics;
   for (const std::string& name : arguments.fabrics) fabrics.push_back(find_fabric(name));
-  std::vector<std::shared_ptr<const Trial>> trials;
-  for (const std::string& folder : arguments.captures) {
-    trials.push_back(arguments.trial.prepare(folder, TrialArguments::Frames::fit));
-  }
+  const std::vector<Capture> captures = read_captures(arguments.captures);
   const std::filesystem::path out = arguments.out;
   prepare_output_folder(out, {"matrix.svg"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
   const CrossEvaluation cross =
       cross_evaluate(fabrics, trials, arguments.trial.threads(), progress_observer("matrix"));
   const ReportMatrix matrix = to_report(cross, fabrics, trials);

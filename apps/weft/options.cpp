@@ -2,8 +2,11 @@
 
 #include <fmt/core.h>
 
+#include <charconv>
+#include <cstdint>
 #include <cstdlib>
 #include <fstream>
+#include <limits>
 #include <system_error>
 
 #include "weft/base/error.h"
@@ -23,12 +26,12 @@ void TrialArguments::add_to(CLI::App& command) {
       ->check(CLI::IsMember({"bdf2", "newmark", "implicit-euler", "runge-kutta"}))
       ->capture_default_str();
   command.add_option("--alpha", alpha_, "weight of the silhouette in the error")
-      ->check(CLI::Range(0.0, 1e6))
+      ->check(number_in(0, 1e6))
       ->capture_default_str();
   command
       .add_option("--fold-threshold", mask_threshold_,
                   "gradient of the angle map above which a pixel is part of a fold, rad/px")
-      ->check(CLI::Range(0.0, 3.2))
+      ->check(number_in(0, 3.2))
       ->capture_default_str();
   command
       .add_option("--cache", cache_,
@@ -49,11 +52,16 @@ std::string TrialArguments::default_cache_folder() {
   return "none";
 }
 
-std::shared_ptr<const Trial> TrialArguments::prepare(const std::string& folder,
-                                                     Frames frames) const {
-  const Capture capture = read_capture(folder);
+std::shared_ptr<const Trial> TrialArguments::prepare(const Capture& capture, Frames frames) const {
   return prepare(capture, capture.fit_first,
                  frames == Frames::fit ? capture.fit_last : capture.frame_count - 1);
+}
+
+std::vector<std::shared_ptr<const Trial>> TrialArguments::prepare(
+    const std::vector<Capture>& captures, Frames frames) const {
+  std::vector<std::shared_ptr<const Trial>> trials;
+  for (const Capture& capture : captures) trials.push_back(prepare(capture, frames));
+  return trials;
 }
 
 std::shared_ptr<const Trial> TrialArguments::prepare(const Capture& capture, int first,
@@ -75,6 +83,12 @@ TrialOptions TrialArguments::options() const {
   options.simulation.integrator = integrator_from_name(integrator_);
   options.simulation.steps_per_frame = steps_;
   return options;
+}
+
+std::vector<Capture> read_captures(const std::vector<std::string>& folders) {
+  std::vector<Capture> captures;
+  for (const std::string& folder : folders) captures.push_back(read_capture(folder));
+  return captures;
 }
 
 void write_text(const std::filesystem::path& path, const std::string& text) {
@@ -111,6 +125,49 @@ void prepare_output_folder(const std::filesystem::path& folder,
     if (!file) throw Error(fmt::format("{}: cannot be written to", folder.string()));
   }
   std::filesystem::remove(probe, failure);
+}
+
+void check_output_file(const std::filesystem::path& path) {
+  std::error_code ignored;
+  const bool existed = std::filesystem::exists(path, ignored);
+  const bool writable = std::ofstream(path, std::ios::app).good();
+  if (!writable) throw Error(fmt::format("{}: cannot be written", path.string()));
+  if (!existed) std::filesystem::remove(path, ignored);
+}
+
+CLI::Validator number_in(double lower, double upper) {
+  const auto check = [lower, upper](std::string& text) -> std::string {
+    double value = 0;
+    const char* end = text.data() + text.size();
+    const auto [stop, failure] = std::from_chars(text.data(), end, value);
+    const bool number = failure == std::errc() && stop == end;
+    if (number && value >= lower && value <= upper) return {};
+    return fmt::format("Value {} not in range {:g} to {:g}", text, lower, upper);
+  };
+  return {check, fmt::format("FLOAT in [{:g} - {:g}]", lower, upper)};
+}
+
+CLI::Validator unsigned_integer() {
+  const auto check = [](std::string& text) -> std::string {
+    std::uint64_t value = 0;
+    const char* end = text.data() + text.size();
+    const auto [stop, failure] = std::from_chars(text.data(), end, value);
+    if (failure == std::errc() && stop == end) return {};
+    return fmt::format("{} is not an integer from 0 to {}", text,
+                       std::numeric_limits<std::uint64_t>::max());
+  };
+  return {check, "UINT64"};
+}
+
+void check_parameters(const std::string& option, const std::string& model,
+                      const std::vector<std::string>& names) {
+  for (const std::string& name : names) {
+    try {
+      parameter_index(model, name);
+    } catch (const Error& error) {
+      throw Error(fmt::format("{}: {}", option, error.what()));
+    }
+  }
 }
 
 std::function<bool(std::size_t, std::size_t)> progress_observer(const std::string& label) {

@@ -21,7 +21,9 @@ class TrialArguments {
   /// Which frames of a capture are compared.
   enum class Frames { fit, from_fit_to_end };
   /// Reads those frames and prepares them; what was computed from the video is kept in the cache.
-  std::shared_ptr<const Trial> prepare(const std::string& folder, Frames frames) const;
+  std::shared_ptr<const Trial> prepare(const Capture& capture, Frames frames) const;
+  std::vector<std::shared_ptr<const Trial>> prepare(const std::vector<Capture>& captures,
+                                                    Frames frames) const;
   std::shared_ptr<const Trial> prepare(const Capture& capture, int first, int last) const;
 
  private:
@@ -35,6 +37,8 @@ class TrialArguments {
   static std::string default_cache_folder();
 };
 
+std::vector<Capture> read_captures(const std::vector<std::string>& folders);
+
 /// Writes `text` to `path`; throws Error if that is not possible.
 void write_text(const std::filesystem::path& path, const std::string& text);
 
@@ -43,6 +47,20 @@ void write_text(const std::filesystem::path& path, const std::string& text);
 enum class Existing { refuse, overwrite };
 void prepare_output_folder(const std::filesystem::path& folder,
                            const std::vector<std::string>& results, Existing existing);
+
+/// Throws Error if a file cannot be written at `path`: asked before the work whose result goes
+/// there. Leaves what is there as it is.
+void check_output_file(const std::filesystem::path& path);
+
+/// Accepts a number from `lower` to `upper`; CLI::Range lets NaN pass.
+CLI::Validator number_in(double lower, double upper);
+
+/// Accepts what an unsigned integer of 64 bits can hold; CLI11 wraps a negative number around.
+CLI::Validator unsigned_integer();
+
+/// Throws Error, with the option's name, for a parameter that the model does not have.
+void check_parameters(const std::string& option, const std::string& model,
+                      const std::vector<std::string>& names);
 
 /// Observer of a grid of evaluations: shows progress, and stops on Ctrl-C.
 std::function<bool(std::size_t, std::size_t)> progress_observer(const std::string& label);

@@ -49,10 +49,9 @@ Motion3d read_motion(const Arguments& arguments) {
   return motion;
 }
 
-Motion3d simulate_motion(const Arguments& arguments) {
+Motion3d simulate_motion(const Arguments& arguments, const Capture& capture) {
   const Fabric fabric = find_fabric(arguments.fabric);
-  const auto trial =
-      arguments.trial.prepare(arguments.capture, TrialArguments::Frames::from_fit_to_end);
+  const auto trial = arguments.trial.prepare(capture, TrialArguments::Frames::from_fit_to_end);
   Trajectory trajectory = simulate(trial->scene, fabric, trial->options.simulation);
   if (trajectory.diverged) throw Error("the simulation diverged: " + trajectory.divergence);
   return {trial->scene.mesh, std::move(trajectory.frames)};
@@ -68,7 +67,7 @@ void run(const Arguments& arguments) {
   prepare_output_folder(out, {"frame_0000.png"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
   const Motion3d motion =
-      arguments.fabric.empty() ? read_motion(arguments) : simulate_motion(arguments);
+      arguments.fabric.empty() ? read_motion(arguments) : simulate_motion(arguments, capture);
   Renderer renderer(capture.rig, motion.mesh, arguments.trial.options().render);
   Progress progress("render", motion.frames.size());
   for (std::size_t k = 0; k < motion.frames.size() && !interrupted(); ++k) {

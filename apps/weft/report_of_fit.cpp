@@ -41,6 +41,14 @@ ReportCapture capture_of(const Trial& trial, const CaptureEvaluation& evaluation
   return c;
 }
 
+/// Of the value itself: curves are there only where a variability was computed.
+ReportParameter::Bound bound_of(const ParameterInfo& info, double value) {
+  const double scaled = to_scaled(info, value);
+  if (scaled < at_bound_distance) return ReportParameter::Bound::lower;
+  if (scaled > 1 - at_bound_distance) return ReportParameter::Bound::upper;
+  return ReportParameter::Bound::none;
+}
+
 }  // namespace
 
 ReportParameter report_parameter(const ParameterInfo& info, const Fabric& fabric,
@@ -58,9 +66,8 @@ ReportParameter report_parameter(const ParameterInfo& info, const Fabric& fabric
   if (curve) {
     p.variability_percent = curve->variability_percent;
     p.determined = curve->determined;
-    if (curve->at_lower) p.at_bound = ReportParameter::Bound::lower;
-    if (curve->at_upper) p.at_bound = ReportParameter::Bound::upper;
   }
+  p.at_bound = bound_of(info, p.value);
   return p;
 }
 
@@ -112,10 +119,12 @@ Report report_of_fit(const Problem& problem, const FitResult& fit,
   report.evaluations = fit.evaluations;
   report.diverged = fit.diverged;
   report.wall_s = fit.wall_s;
-  for (const ParameterInfo& info : model_parameters(fit.fabric.model)) {
+  for (int i = 0; i < fit.fabric.values.size(); ++i) {
+    const ParameterInfo info = fit.fabric.info(i);
     ReportParameter p = report_parameter(info, fit.fabric, curve_of(fit, info.name));
     p.initial = fit.start_fabric.value(info.name);
     p.free = problem.index_of(info.name) >= 0;
+    if (!p.free) p.at_bound = ReportParameter::Bound::none;
     report.parameters.push_back(p);
   }
   for (std::size_t i = 0; i < evaluations.size(); ++i) {

@@ -50,11 +50,11 @@ std::string reaction_csv(const Scene& scene, const Trajectory& trajectory) {
 
 void run(const Arguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
-  const auto trial =
-      arguments.trial.prepare(arguments.capture, TrialArguments::Frames::from_fit_to_end);
+  const Capture capture = read_capture(arguments.capture);
   const std::filesystem::path out = arguments.out;
   prepare_output_folder(out, {"points.pc2"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  const auto trial = arguments.trial.prepare(capture, TrialArguments::Frames::from_fit_to_end);
   const Trajectory trajectory = simulate(trial->scene, fabric, trial->options.simulation);
   PointCache cache;
   cache.frames = trajectory.frames;

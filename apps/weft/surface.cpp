@@ -24,14 +24,17 @@ struct Arguments {
   bool json = false;
 };
 
+void check_mesh_name(const std::filesystem::path& path) {
+  if (path.extension() == ".ply" || path.extension() == ".obj") return;
+  throw Error(fmt::format("{}: the ending of a mesh file is .obj or .ply", path.string()));
+}
+
 void write_mesh(const std::filesystem::path& path, const TriangleMesh& mesh, const Points& x,
                 const std::string& comment) {
   if (path.extension() == ".ply") {
     write_ply(path, mesh, x);
-  } else if (path.extension() == ".obj") {
-    write_obj(path, mesh, x, comment);
   } else {
-    throw Error(fmt::format("{}: the ending of a mesh file is .obj or .ply", path.string()));
+    write_obj(path, mesh, x, comment);
   }
 }
 
@@ -42,6 +45,8 @@ void run(const Arguments& arguments) {
                             capture.frame_count - 1));
   }
   const int k = arguments.frame;
+  check_mesh_name(arguments.out);
+  check_output_file(arguments.out);
   const Image frame = read_video(capture, k, k).front();
   const Scene scene = make_scene(capture, arguments.grid, arguments.grid, k, k);
   const SilhouetteOptions silhouette_options{.stripe_period = image_stripe_period(capture)};

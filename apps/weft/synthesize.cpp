@@ -1,5 +1,6 @@
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <memory>
 #include <string>
 
@@ -24,6 +25,8 @@ void run(Arguments arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   prepare_output_folder(arguments.out, {"capture.toml"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  // The first 50 are for fitting, of a longer capture; all, of a shorter one.
+  arguments.design.fit_frames = std::min(arguments.design.fit_frames, arguments.design.frame_count);
   Capture layout =
       arguments.layout.empty() ? make_layout(arguments.design) : read_capture(arguments.layout);
   arguments.options.columns = arguments.options.rows = arguments.grid;
@@ -42,7 +45,7 @@ void add_synthesize(CLI::App& app) {
   command->add_option("--like", arguments->layout,
                       "take rig, swatch and motion from this capture (default: a rig of its own)");
   command->add_option("--areal-density", arguments->design.areal_density, "kg/m^2, without --like")
-      ->check(CLI::Range(1e-3, 10.0))
+      ->check(number_in(1e-3, 10))
       ->capture_default_str();
   command->add_option("--frames", arguments->design.frame_count, "without --like")
       ->check(CLI::Range(1, 100000))
@@ -57,7 +60,9 @@ void add_synthesize(CLI::App& app) {
       ->add_option("--start-shape", arguments->options.start_shape,
                    "which of the generic start shapes settles")
       ->capture_default_str();
-  command->add_option("--seed", arguments->options.seed, "of the noise")->capture_default_str();
+  command->add_option("--seed", arguments->options.seed, "of the noise")
+      ->check(unsigned_integer())
+      ->capture_default_str();
   command->add_flag("--no-noise{false}", arguments->options.with_noise, "a perfect sensor");
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   command->footer("Example:\n  weft synthesize --fabric satin --out out/satin_capture");

@@ -38,10 +38,8 @@ void print_table(const std::vector<PerturbationCurve>& curves, const Fabric& fab
 void run(const Arguments& arguments) {
   const InterruptGuard guard;
   const Fabric fabric = find_fabric(arguments.fabric);
-  std::vector<std::shared_ptr<const Trial>> trials;
-  for (const std::string& folder : arguments.captures) {
-    trials.push_back(arguments.trial.prepare(folder, TrialArguments::Frames::fit));
-  }
+  check_parameters("--parameters", fabric.model, arguments.parameters);
+  const std::vector<Capture> captures = read_captures(arguments.captures);
   std::vector<std::string> names = arguments.parameters;
   if (names.empty()) {
     for (const ParameterInfo& info : model_parameters(fabric.model)) names.emplace_back(info.name);
@@ -49,6 +47,7 @@ void run(const Arguments& arguments) {
   const std::filesystem::path out = arguments.out;
   prepare_output_folder(out, {"variability.svg"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
   const Problem problem(trials, fabric, names);
   VariabilityOptions options;
   options.threads = arguments.trial.threads();

@@ -49,6 +49,7 @@ struct EvaluationStore::Impl {
     sqlite3_finalize(select);
     sqlite3_finalize(insert);
     sqlite3_finalize(counter);
+    sqlite3_finalize(total);
     sqlite3_close(database);
   }
 
@@ -101,6 +102,16 @@ struct EvaluationStore::Impl {
         "error_per_frame, fold, silhouette, diverged, wall_s) "
         "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)");
     counter = prepare("SELECT count(*) FROM evaluation WHERE problem = ?1");
+    total = prepare("SELECT count(*) FROM evaluation");
+  }
+
+  std::size_t counted(sqlite3_stmt* statement) const {
+    const int status = sqlite3_step(statement);
+    const auto count =
+        status == SQLITE_ROW ? static_cast<std::size_t>(sqlite3_column_int64(statement, 0)) : 0;
+    sqlite3_reset(statement);
+    if (status != SQLITE_ROW) fail("cannot be read");
+    return count;
   }
 
   static void bind_text(sqlite3_stmt* statement, int at, std::string_view text) {
@@ -120,6 +131,7 @@ struct EvaluationStore::Impl {
   sqlite3_stmt* select = nullptr;
   sqlite3_stmt* insert = nullptr;
   sqlite3_stmt* counter = nullptr;
+  sqlite3_stmt* total = nullptr;
   std::mutex mutex;
 };
 
@@ -170,14 +182,13 @@ void EvaluationStore::add(const Problem& problem, const Fabric& fabric, int fram
 
 std::size_t EvaluationStore::count(const Problem& problem) const {
   const std::lock_guard lock(impl_->mutex);
-  sqlite3_stmt* statement = impl_->counter;
-  Impl::bind_text(statement, 1, problem.fingerprint());
-  const int status = sqlite3_step(statement);
-  const auto count =
-      status == SQLITE_ROW ? static_cast<std::size_t>(sqlite3_column_int64(statement, 0)) : 0;
-  sqlite3_reset(statement);
-  if (status != SQLITE_ROW) impl_->fail("cannot be read");
-  return count;
+  Impl::bind_text(impl_->counter, 1, problem.fingerprint());
+  return impl_->counted(impl_->counter);
+}
+
+std::size_t EvaluationStore::count() const {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->counted(impl_->total);
 }
 
 StoredEvaluation evaluate_stored(const Problem& problem, const Fabric& fabric, int frame_count,

@@ -28,6 +28,8 @@ class EvaluationStore {
            const ProblemEvaluation& evaluation);
   /// Evaluations of this problem.
   std::size_t count(const Problem& problem) const;
+  /// Evaluations of all problems.
+  std::size_t count() const;
 
  private:
   struct Impl;

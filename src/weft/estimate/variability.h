@@ -9,7 +9,7 @@
 namespace weft {
 
 /// An estimate nearer to a bound of its range than this, in scaled coordinates, lies at it.
-inline constexpr double at_bound_distance = 0.005;
+inline constexpr double at_bound_distance = 0.01;
 
 /// Variability (Bhat 2003, section 5): a parameter p is perturbed about the estimate, a quadratic
 /// q(r) = c0 + c1 r + c2 r^2 of the relative change r is fitted to the errors by least squares, and

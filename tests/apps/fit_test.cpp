@@ -1,0 +1,284 @@
+/// `weft fit` as a process: signals, continuing, threads, ranges.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <sqlite3.h>
+
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "apps/program.h"
+#include "weft/estimate/synthetic.h"
+#include "weft/report/result.h"
+
+namespace weft {
+namespace {
+
+using nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+/// One row of evaluations.sqlite.
+struct Row {
+  std::string phase;
+  json parameters;
+  bool diverged = false;
+};
+
+std::vector<Row> rows_of(const std::filesystem::path& store) {
+  sqlite3* database = nullptr;
+  EXPECT_EQ(sqlite3_open_v2(store.c_str(), &database, SQLITE_OPEN_READWRITE, nullptr), SQLITE_OK);
+  std::vector<Row> rows;
+  const auto add = [](void* to, int, char** cells, char**) {
+    static_cast<std::vector<Row>*>(to)->push_back(
+        {cells[0], json::parse(cells[1]), cells[2] == std::string("1")});
+    return 0;
+  };
+  EXPECT_EQ(sqlite3_exec(database, "SELECT phase, parameters, diverged FROM evaluation ORDER BY id",
+                         add, &rows, nullptr),
+            SQLITE_OK);
+  sqlite3_close(database);
+  return rows;
+}
+
+/// A capture of three small frames for each test.
+class Fit : public ProgramTest {
+ protected:
+  void SetUp() override {
+    ProgramTest::SetUp();
+    LayoutOptions layout;
+    layout.image_width = 160;
+    layout.image_height = 120;
+    layout.stripe_period = 0.03;
+    layout.frame_count = layout.fit_frames = 3;
+    layout.wave_frequency = 3;
+    SyntheticOptions options;
+    options.columns = options.rows = 13;
+    options.simulation.steps_per_frame = 4;
+    options.with_noise = false;
+    make_synthetic_capture(folder_ / "c", make_layout(layout), truth(), options);
+  }
+  static Fabric truth() { return Fabric::with_defaults("truth"); }
+  /// The same, with the model's ranges as its own, to be changed.
+  static Fabric truth_with_ranges() {
+    Fabric fabric = truth();
+    fabric.lower = fabric.upper = fabric.values;
+    for (int i = 0; i < fabric.values.size(); ++i) {
+      fabric.lower[i] = truth().info(i).lower;
+      fabric.upper[i] = truth().info(i).upper;
+    }
+    return fabric;
+  }
+
+  std::vector<std::string> fit(const std::string& out, const std::vector<std::string>& more,
+                               const std::string& coarse = "bend_stiffness") const {
+    std::vector<std::string> words{
+        "fit", path("c"),  "--out", path(out),         "--grid", "9", "--steps-per-frame",
+        "2",   "--coarse", coarse,  "--coarse-levels", "2"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+  json result(const std::string& out) const {
+    return json::parse(text_of(folder_ / out / "result.json"));
+  }
+  /// What must be the same for two runs of one search.
+  static json without_circumstances(json object) {
+    for (const char* key : {"wall_s", "created", "command", "threads"}) object.erase(key);
+    return object;
+  }
+};
+
+TEST_F(Fit, StopsOnCtrlCAndContinues) {
+  // Far more than there is time for: only the signal ends the search.
+  const auto words = fit("out", {"--iterations", "1000000", "--no-variability"});
+  ChildProcess child(command(words));
+  ASSERT_TRUE(child.wait_for("anneal: 1/")) << child.err();
+  child.send(SIGINT);
+  child.wait();
+  EXPECT_EQ(child.status(), 130) << child.err();
+  const json stopped = result("out");
+  EXPECT_EQ(stopped["stopped"], true);
+  EXPECT_LE(stopped["error"], stopped["error_initial"]);
+  EXPECT_THAT(stopped["warnings"].dump(), HasSubstr("was stopped after"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "out/report.html"));
+  EXPECT_EQ(read_fabric(folder_ / "out/fabric.toml").value("bend_stiffness"),
+            stopped["parameters"]["bend_stiffness"]["value"]);
+  const std::size_t made = rows_of(folder_ / "out/evaluations.sqlite").size();
+  EXPECT_EQ(stopped["evaluations"], made);
+
+  ChildProcess again(command(words));
+  ASSERT_TRUE(again.wait_for("anneal: 1/")) << again.err();
+  again.send(SIGINT);
+  again.wait();
+  EXPECT_EQ(again.status(), 130) << again.err();
+  EXPECT_THAT(again.err(), HasSubstr("(replayed)"));
+  EXPECT_GE(rows_of(folder_ / "out/evaluations.sqlite").size(), made);
+}
+
+TEST_F(Fit, AKilledRunContinuesWithoutRepeatingAnEvaluation) {
+  const auto words = fit("out", {"--iterations", "60", "--no-variability"});
+  {
+    ChildProcess child(command(words));
+    ASSERT_TRUE(child.wait_for("anneal: 1/")) << child.err();
+    child.send(SIGKILL);
+    child.wait();
+    ASSERT_EQ(child.status(), -SIGKILL) << "the fit ended before it could be killed";
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out/result.json"));
+  const std::size_t made = rows_of(folder_ / "out/evaluations.sqlite").size();
+  EXPECT_GT(made, 2u);
+  const Outcome resumed = weft(words);
+  ASSERT_EQ(resumed.status, 0) << resumed.err;
+  EXPECT_THAT(resumed.out, HasSubstr(fmt::format("({} replayed", made)));
+  const json continued = result("out");
+  EXPECT_EQ(continued["stopped"], false);
+  // No two rows are of the same parameters, so as many rows as evaluations means none was repeated.
+  EXPECT_EQ(continued["evaluations"], rows_of(folder_ / "out/evaluations.sqlite").size());
+
+  // The same as of a run that was left alone, and on another number of threads.
+  for (const std::string threads : {"1", "2"}) {
+    auto whole = fit("whole" + threads, {"--iterations", "60", "--no-variability"});
+    whole.insert(whole.end(), {"--threads", threads});
+    const Outcome outcome = weft(whole);
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_EQ(without_circumstances(result("whole" + threads)), without_circumstances(continued));
+  }
+}
+
+TEST_F(Fit, TheVariabilityDoesNotDependOnTheThreads) {
+  json results[2];
+  for (int i = 0; i < 2; ++i) {
+    const std::string out = "out" + std::to_string(i);
+    const Outcome outcome =
+        weft(fit(out, {"--iterations", "6", "--seed", "7", "--parameters", "bend_stiffness",
+                       "stretch_stiffness", "--threads", std::to_string(i + 1)}));
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    results[i] = without_circumstances(result(out));
+  }
+  EXPECT_EQ(results[0]["seed"], 7);
+  EXPECT_FALSE(results[0]["perturbations"].empty());
+  EXPECT_EQ(results[0], results[1]);
+}
+
+TEST_F(Fit, RefusesAFolderWithTheEvaluationsOfAnotherRun) {
+  const auto words = fit("out", {"--iterations", "1", "--no-variability"});
+  ASSERT_EQ(weft(words).status, 0);
+  EXPECT_THAT(refusal(words),
+              AllOf(StartsWith(path("out") + ": holds result.json"), HasSubstr("--overwrite")));
+  // As a killed run leaves it.
+  std::filesystem::remove(folder_ / "out/result.json");
+  auto other = words;
+  other.insert(other.end(), {"--alpha", "0.2"});
+  EXPECT_THAT(refusal(other), AllOf(StartsWith(path("out") + ": holds evaluations.sqlite"),
+                                    HasSubstr("another run"), HasSubstr("--overwrite")));
+  const std::size_t made = rows_of(folder_ / "out/evaluations.sqlite").size();
+  other.emplace_back("--overwrite");
+  const Outcome outcome = weft(other);
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_EQ(rows_of(folder_ / "out/evaluations.sqlite").size(), made) << "old rows were kept";
+}
+
+TEST_F(Fit, GoesOnPastSimulationsThatDivergeAndCountsThem) {
+  // No equilibrium is found of cloth that is as stiff as the upper half of this range.
+  Fabric fabric = truth_with_ranges();
+  fabric.upper[parameter_index(fabric.model, "stretch_stiffness")] = 1e12;
+  write_fabric(folder_ / "f.toml", fabric);
+  const Outcome outcome = weft(
+      fit("out",
+          {"--iterations", "4", "--initial", path("f.toml"), "--parameters", "stretch_stiffness"},
+          "stretch_stiffness"));
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json found = result("out");
+  std::size_t diverged = 0;
+  for (const Row& row : rows_of(folder_ / "out/evaluations.sqlite")) diverged += row.diverged;
+  EXPECT_GE(diverged, 1u);  // the coarse search's upper value
+  EXPECT_EQ(found["diverged"], diverged);
+  EXPECT_TRUE(found["error"].is_number());
+  EXPECT_LT(found["parameters"]["stretch_stiffness"]["value"], 1e6);
+  EXPECT_THAT(outcome.out, HasSubstr(fmt::format("{} diverged)", diverged)));
+  EXPECT_THAT(found["warnings"].dump(), HasSubstr("simulations diverged"));
+}
+
+TEST_F(Fit, SearchesAndReportsTheRangesOfTheFabric) {
+  Fabric fabric = truth_with_ranges();
+  // Narrower than the model's table (1e-7 to 1e-2), wider than it (up to 5000), and a held one.
+  const double lower = 4e-6, upper = 4e-4;
+  const int bend = parameter_index(fabric.model, "bend_stiffness");
+  const int stretch = parameter_index(fabric.model, "stretch_stiffness");
+  const int shear = parameter_index(fabric.model, "shear_stiffness");
+  fabric.lower[bend] = lower;
+  fabric.upper[bend] = upper;
+  fabric.upper[stretch] = 20000;
+  fabric.lower[shear] = 40;
+  write_fabric(folder_ / "f.toml", fabric);
+  const Outcome outcome = weft(fit("out", {"--iterations", "25", "--initial", path("f.toml"),
+                                           "--parameters", "bend_stiffness", "stretch_stiffness"}));
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+
+  std::vector<double> coarse;
+  for (const Row& row : rows_of(folder_ / "out/evaluations.sqlite")) {
+    const double value = row.parameters["bend_stiffness"];
+    EXPECT_GE(value, lower) << row.phase;
+    EXPECT_LE(value, upper) << row.phase;
+    EXPECT_EQ(row.parameters["shear_stiffness"], fabric.value("shear_stiffness"));
+    if (row.phase == "coarse") coarse.push_back(value);
+  }
+  // Centres of two equal cells of the logarithmic range.
+  std::sort(coarse.begin(), coarse.end());
+  ASSERT_EQ(coarse.size(), 2u);
+  EXPECT_NEAR(coarse[0], lower * std::pow(upper / lower, 0.25), 1e-9 * upper);
+  EXPECT_NEAR(coarse[1], lower * std::pow(upper / lower, 0.75), 1e-9 * upper);
+
+  const json parameters = result("out")["parameters"];
+  EXPECT_EQ(parameters["bend_stiffness"]["lower"], lower);
+  EXPECT_EQ(parameters["bend_stiffness"]["upper"], upper);
+  EXPECT_EQ(parameters["stretch_stiffness"]["upper"], 20000);
+  EXPECT_EQ(parameters["shear_stiffness"]["lower"], 40);
+  EXPECT_EQ(parameters["shear_stiffness"]["free"], false);
+  const Fabric found = read_fabric(folder_ / "out/fabric.toml");
+  EXPECT_EQ(found.lower, fabric.lower);
+  EXPECT_EQ(found.upper, fabric.upper);
+  // The ends of the drawn ranges.
+  EXPECT_THAT(text_of(folder_ / "out/report.html"),
+              HasSubstr("<span>4×10⁻⁶</span><span>4×10⁻⁴</span>"));
+}
+
+/// A range whose lower end is at the truth: the search ends there.
+TEST_F(Fit, SaysWhichValuesLieAtABoundWithoutVariability) {
+  for (const double distance : {0.0, 0.008, 0.02}) {
+    Fabric fabric = truth_with_ranges();
+    const int bend = parameter_index(fabric.model, "bend_stiffness");
+    const int shear = parameter_index(fabric.model, "shear_stiffness");
+    // The start, at the truth, is that part of the (logarithmic) range above its lower end.
+    const double value = truth().value("bend_stiffness");
+    fabric.upper[bend] = 1e-2;
+    fabric.lower[bend] =
+        std::pow(value / std::pow(fabric.upper[bend], distance), 1 / (1 - distance));
+    fabric.lower[shear] = fabric.values[shear];  // held there: not the search's doing
+    write_fabric(folder_ / "f.toml", fabric);
+    // Two evaluations: the middle of the range, and the start, which is better.
+    const Outcome outcome =
+        weft(fit("out",
+                 {"--iterations", "1", "--initial", path("f.toml"), "--start", "initial",
+                  "--parameters", "bend_stiffness", "--no-variability", "--overwrite"},
+                 "none"));
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const json found = result("out");
+    EXPECT_EQ(found["evaluations"], 2);
+    const json& row = found["parameters"]["bend_stiffness"];
+    ASSERT_NEAR(row["value"], value, 1e-9 * value);
+    EXPECT_TRUE(row["variability"].is_null());
+    EXPECT_TRUE(found["parameters"]["shear_stiffness"]["at_bound"].is_null());
+    const std::string report = text_of(folder_ / "out/report.html");
+    const bool at_bound = distance < 0.01;
+    EXPECT_EQ(row["at_bound"], at_bound ? json("lower") : json(nullptr)) << distance;
+    EXPECT_EQ(outcome.out.find("at the lower end of its range") != std::string::npos, at_bound);
+    EXPECT_EQ(report.find("at lower end") != std::string::npos, at_bound);
+    EXPECT_EQ(found["warnings"].dump().find("ended at the lower end") != std::string::npos,
+              at_bound);
+  }
+}
+
+}  // namespace
+}  // namespace weft

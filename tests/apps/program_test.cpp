@@ -1,0 +1,75 @@
+#include "apps/program.h"
+
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "weft/fabric/fabric.h"
+
+namespace weft {
+namespace {
+
+using testing::HasSubstr;
+
+class Program : public ProgramTest {};
+
+TEST_F(Program, EachCommandHasHelpWithAnExample) {
+  const Outcome help = weft({"--help"});
+  EXPECT_EQ(help.status, 0);
+  EXPECT_EQ(help.err, "");
+  for (const std::string command :
+       {"check", "surface", "fit", "simulate", "render", "evaluate", "compare", "landscape",
+        "variability", "matrix", "synthesize", "fabrics"}) {
+    EXPECT_THAT(help.out, HasSubstr("\n  " + command + " ")) << command;
+    const Outcome outcome = weft({command, "--help"});
+    EXPECT_EQ(outcome.status, 0) << command;
+    EXPECT_EQ(outcome.err, "") << command;
+    EXPECT_THAT(outcome.out, HasSubstr("Example")) << command;
+    EXPECT_THAT(outcome.out, HasSubstr("\n  weft " + command + " ")) << command;
+  }
+  EXPECT_EQ(weft({"--version"}).status, 0);
+}
+
+TEST_F(Program, ListsFabricsAsJson) {
+  const Outcome outcome = weft({"fabrics", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const nlohmann::json all = nlohmann::json::parse(outcome.out);
+  ASSERT_EQ(all.size(), fabric_presets().size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Fabric& preset = fabric_presets()[i];
+    EXPECT_EQ(all[i]["name"], preset.name);
+    ASSERT_EQ(all[i]["parameters"].size(), 9u);
+    EXPECT_EQ(all[i]["parameters"]["bend_stiffness"]["value"], preset.value("bend_stiffness"));
+    EXPECT_EQ(all[i]["parameters"]["bend_stiffness"]["unit"], "N m");
+    EXPECT_EQ(all[i]["parameters"]["bend_stiffness"]["lower"], 1e-7);
+    EXPECT_EQ(all[i]["parameters"]["bend_stiffness"]["upper"], 1e-2);
+  }
+  EXPECT_EQ(weft({"fabrics"}).status, 0);
+}
+
+TEST_F(Program, WritesAScaledFabricThatItReadsBack) {
+  const Outcome written = weft({"fabrics", "satin", "--scale", "bend_stiffness=3",
+                                "stretch_damping=0.5", "--out", path("f.toml"), "--json"});
+  ASSERT_EQ(written.status, 0) << written.err;
+  const Fabric satin = find_fabric("satin");
+  const Fabric scaled = read_fabric(path("f.toml"));
+  EXPECT_EQ(scaled.value("bend_stiffness"), 3 * satin.value("bend_stiffness"));
+  EXPECT_EQ(scaled.value("stretch_damping"), 0.5 * satin.value("stretch_damping"));
+  EXPECT_EQ(scaled.value("shear_stiffness"), satin.value("shear_stiffness"));
+  EXPECT_THAT(scaled.provenance, HasSubstr("bend_stiffness times 3"));
+  const Outcome read = weft({"fabrics", path("f.toml"), "--json"});
+  ASSERT_EQ(read.status, 0) << read.err;
+  EXPECT_EQ(read.out, written.out);
+}
+
+TEST_F(Program, SynthesizesACaptureShorterThanItsUsualFitFrames) {
+  const Outcome made = weft({"synthesize", "--fabric", "satin", "--out", path("c"), "--frames", "2",
+                             "--grid", "9", "--steps-per-frame", "2"});
+  ASSERT_EQ(made.status, 0) << made.err;
+  const Outcome checked = weft({"check", path("c")});
+  EXPECT_EQ(checked.status, 0) << checked.err;
+  EXPECT_THAT(checked.out, HasSubstr("2 frames at 30 1/s, fit frames 0 to 1"));
+}
+
+}  // namespace
+}  // namespace weft
