@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "weft/capture/capture.h"
+#include "weft/dynamics/sensitivity.h"
 #include "weft/estimate/problem.h"
 
 namespace {
@@ -55,6 +56,28 @@ void whole_evaluation(benchmark::State& state) {
   state.counters["frames"] = prepared.frame_count();
 }
 BENCHMARK(whole_evaluation)->DenseRange(0, 1)->ArgName("fabric")->Unit(benchmark::kMillisecond);
+
+/// The simulation with the derivatives by all nine parameters; `ratio` to the simulation alone.
+void sensitivities(benchmark::State& state) {
+  const Fabric fabric = fabric_of(state.range(0));
+  const Trial& prepared = trial();
+  const std::vector<int> all{0, 1, 2, 3, 4, 5, 6, 7, 8};
+  double with = 0, without = 0;
+  for (auto _ : state) {
+    std::clock_t begin = std::clock();
+    benchmark::DoNotOptimize(
+        simulate_with_sensitivities(prepared.scene, fabric, all, prepared.options.simulation));
+    with += seconds_since(begin);
+    state.PauseTiming();
+    begin = std::clock();
+    benchmark::DoNotOptimize(simulate(prepared.scene, fabric, prepared.options.simulation));
+    without += seconds_since(begin);
+    state.ResumeTiming();
+  }
+  state.SetLabel(fabric.name);
+  state.counters["ratio"] = with / without;
+}
+BENCHMARK(sensitivities)->DenseRange(0, 1)->ArgName("fabric")->Unit(benchmark::kMillisecond);
 
 void settle(benchmark::State& state) {
   const Fabric fabric = fabric_of(state.range(0));
