@@ -1,0 +1,287 @@
+#include "weft/estimate/least_squares_fit.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <numeric>
+
+#include "weft/base/error.h"
+#include "weft/base/interrupt.h"
+#include "weft/base/parallel.h"
+#include "weft/base/random.h"
+
+namespace weft {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+struct Candidate {
+  VecX scaled;
+  double cost = kInfinity;
+};
+
+/// Stable: of equal costs the earlier one stays in front.
+void keep_best(std::vector<Candidate>& candidates, int count) {
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; });
+  if (candidates.size() > static_cast<std::size_t>(count))
+    candidates.resize(static_cast<std::size_t>(count));
+}
+
+/// One point in each of `count` layers of every coordinate.
+std::vector<VecX> latin_hypercube(int count, int dimension, std::uint64_t seed) {
+  Rng rng(seed, 2);
+  std::vector<VecX> points(static_cast<std::size_t>(count), VecX(dimension));
+  std::vector<int> layers(static_cast<std::size_t>(count));
+  for (int i = 0; i < dimension; ++i) {
+    std::iota(layers.begin(), layers.end(), 0);
+    for (std::size_t k = layers.size(); k > 1; --k)
+      std::swap(layers[k - 1], layers[static_cast<std::size_t>(rng.uniform() * double(k))]);
+    for (std::size_t k = 0; k < layers.size(); ++k)
+      points[k][i] = (layers[k] + rng.uniform()) / count;
+  }
+  return points;
+}
+
+class LeastSquaresFit {
+ public:
+  LeastSquaresFit(const Problem& problem, const LeastSquaresFitOptions& options,
+                  EvaluationStore* store, const FitObserver& observer)
+      : problem_(problem), options_(options), store_(store), observer_(observer) {
+    if (problem.evaluator())
+      throw Error("least squares needs trials; this problem has an evaluator of its own");
+    if (options.screening_points < 0) throw Error("screening_points must not be negative");
+    if (options.screening_frames < 0) throw Error("screening_frames must not be negative");
+    if (options.stages.empty()) throw Error("least squares needs at least one stage");
+    for (const FitStage& stage : options.stages) {
+      if (stage.frames < 0) throw Error("frames of a stage must not be negative");
+      if (stage.survivors < 1) throw Error("a stage needs at least one survivor");
+    }
+    result_.seed = options.seed;
+  }
+
+  FitResult run() {
+    const auto begin = std::chrono::steady_clock::now();
+    evaluate_middle();
+    std::vector<Candidate> candidates = screen();
+    for (const FitStage& stage : options_.stages) {
+      if (stopped_) break;
+      run_stage(stage, candidates);
+    }
+    if (!stopped_) search_nearby();
+    conclude();
+    result_.wall_s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    return std::move(result_);
+  }
+
+ private:
+  /// Takes note of an evaluation: history, best so far, observer.
+  void note(const std::string& phase, const VecX& scaled, int frame_count,
+            const ProblemEvaluation& evaluation, std::size_t done, std::size_t total) {
+    ++result_.evaluations;
+    result_.diverged += evaluation.diverged;
+    if (phase != phase_) {
+      phase_ = phase;
+      phase_best_ = kInfinity;
+    }
+    phase_best_ = std::min(phase_best_, evaluation.error);
+    result_.history.push_back(
+        {phase, result_.history.size() + 1, evaluation.error, phase_best_, 0});
+    if (frame_count == 0 && (result_.scaled.size() == 0 || evaluation.error < best_error_)) {
+      result_.scaled = scaled;
+      result_.final = evaluation;
+      best_error_ = evaluation.error;
+    }
+    const FitProgress progress{result_.history.back(), done, total, result_.replayed};
+    if (observer_ && !observer_(progress)) stopped_ = true;
+    if (interrupted()) stopped_ = true;
+  }
+
+  void evaluate_middle() {
+    const VecX middle = VecX::Constant(problem_.dimension(), 0.5);
+    const StoredEvaluation stored =
+        evaluate_stored(problem_, problem_.fabric(middle), 0, "start", store_, options_.threads);
+    result_.replayed += stored.replayed;
+    result_.initial = result_.start = stored.evaluation;
+    result_.start_fabric = problem_.fabric(middle);
+    note("start", middle, 0, stored.evaluation, 1, 1);
+  }
+
+  VecX first_guess() const {
+    if (options_.start == FitOptions::Start::initial)
+      return problem_.scaled(problem_.initial()).cwiseMax(0).cwiseMin(1);
+    VecX scaled = VecX::Constant(problem_.dimension(), 0.5);
+    if (options_.start == FitOptions::Start::random) {
+      Rng rng(options_.seed, 1);
+      for (double& coordinate : scaled) coordinate = rng.uniform();
+    }
+    return scaled;
+  }
+
+  /// The start and the points of the screening, best first.
+  std::vector<Candidate> screen() {
+    std::vector<Candidate> candidates{{first_guess(), 0}};
+    if (options_.screening_points == 0 || stopped_) return candidates;
+    for (VecX& point :
+         latin_hypercube(options_.screening_points, problem_.dimension(), options_.seed))
+      candidates.push_back({std::move(point), kInfinity});
+    std::vector<StoredEvaluation> evaluations(candidates.size());
+    parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
+      evaluations[i] = evaluate_stored(problem_, problem_.fabric(candidates[i].scaled),
+                                       options_.screening_frames, "screening", store_, 1);
+    });
+    for (std::size_t i = 0; i < candidates.size() && !stopped_; ++i) {
+      result_.replayed += evaluations[i].replayed;
+      candidates[i].cost = evaluations[i].evaluation.error;
+      note("screening", candidates[i].scaled, options_.screening_frames, evaluations[i].evaluation,
+           i + 1, candidates.size());
+    }
+    keep_best(candidates, static_cast<int>(candidates.size()));
+    return candidates;
+  }
+
+  LinearizationOptions linearization_of(const FitStage& stage) const {
+    LinearizationOptions options = options_.linearization;
+    options.frame_count = stage.frames;
+    options.residual.silhouette_sigma = stage.silhouette_sigma;
+    options.residual.fold_scale = stage.fold_scale;
+    options.threads = options_.threads;
+    return options;
+  }
+
+  void run_stage(const FitStage& stage, std::vector<Candidate>& candidates) {
+    if (candidates.size() > 1 && &stage != &options_.stages.front())
+      compare_candidates(stage, candidates);
+    keep_best(candidates, stage.survivors);
+    if (&stage == &options_.stages.back()) {
+      result_.start_fabric = problem_.fabric(candidates.front().scaled);
+      result_.start = {};
+    }
+    for (Candidate& candidate : candidates) {
+      if (stopped_) return;
+      improve(stage, candidate);
+    }
+  }
+
+  static std::string phase_of(const FitStage& stage) {
+    return stage.frames > 0 ? fmt::format("{} frames", stage.frames) : "all frames";
+  }
+
+  /// By the error on the frames of the stage to come.
+  void compare_candidates(const FitStage& stage, std::vector<Candidate>& candidates) {
+    for (Candidate& candidate : candidates) {
+      if (stopped_) return;
+      const StoredEvaluation stored =
+          evaluate_stored(problem_, problem_.fabric(candidate.scaled), stage.frames,
+                          phase_of(stage), store_, options_.threads);
+      result_.replayed += stored.replayed;
+      candidate.cost = stored.evaluation.error;
+      note(phase_of(stage), candidate.scaled, stage.frames, stored.evaluation, 0, 0);
+    }
+  }
+
+  void improve(const FitStage& stage, Candidate& candidate) {
+    const LinearizationOptions options = linearization_of(stage);
+    const std::string phase = phase_of(stage);
+    const auto linearized = [&](const VecX& scaled) {
+      const ProblemLinearization found = linearize(problem_, scaled, options);
+      if (phase == phase_of(options_.stages.back()) && result_.start.error == 0)
+        result_.start = found.evaluation;
+      return found.model;
+    };
+    const auto cost = [&](const VecX& scaled) {
+      const ProblemCost found = evaluate_cost(problem_, scaled, options);
+      if (store_)
+        store_->add(problem_, problem_.fabric(scaled), stage.frames, phase, found.evaluation);
+      note(phase, scaled, stage.frames, found.evaluation, 0, 0);
+      return found.cost;
+    };
+    LeastSquaresOptions solver = options_.solver;
+    solver.max_iterations = stage.max_iterations;
+    const Eigen::Index n = candidate.scaled.size();
+    const LeastSquaresResult found =
+        minimize_least_squares(linearized, cost, candidate.scaled, VecX::Zero(n), VecX::Ones(n),
+                               solver, [&](const LeastSquaresStep&) { return !stopped_; });
+    candidate = {found.x, found.cost};
+  }
+
+  /// About the best point so far, in the metric of its Gauss-Newton matrix, by the paper's error.
+  void search_nearby() {
+    if (options_.refine.generations == 0 || !std::isfinite(best_error_)) return;
+    const VecX start = result_.scaled;
+    const ProblemLinearization model =
+        linearize(problem_, start, linearization_of(options_.stages.back()));
+    RefineOptions options = options_.refine;
+    options.seed = options_.seed;
+    options.threads = options_.threads;
+    // Evaluated by several threads, told in order.
+    std::mutex mutex;
+    std::map<std::vector<double>, StoredEvaluation> evaluations;
+    const auto key = [](const VecX& x) { return std::vector<double>(x.begin(), x.end()); };
+    const ErrorFunction error = [&](const VecX& scaled) {
+      const StoredEvaluation stored =
+          evaluate_stored(problem_, problem_.fabric(scaled), 0, "refine", store_, 1);
+      const std::lock_guard lock(mutex);
+      evaluations[key(scaled)] = stored;
+      return stored.evaluation.error;
+    };
+    const std::size_t total = static_cast<std::size_t>(options.generations * options.population);
+    refine(error, start, best_error_, model.model.hessian, options,
+           [&](std::size_t done, const VecX& scaled, double) {
+             const StoredEvaluation& stored = evaluations.at(key(scaled));
+             result_.replayed += stored.replayed;
+             note("refine", scaled, 0, stored.evaluation, done, total);
+             return !stopped_;
+           });
+  }
+
+  void conclude() {
+    result_.fabric = problem_.fabric(result_.scaled);
+    if (std::isfinite(result_.final.error))
+      for (const auto& trial : problem_.trials())
+        result_.trials.push_back(evaluate(*trial, result_.fabric, 0, nullptr, options_.threads));
+    result_.stopped = stopped_;
+    warn();
+  }
+
+  void warn() {
+    for (int i = 0; i < problem_.dimension(); ++i) {
+      const double scaled = result_.scaled[i];
+      if (scaled >= at_bound_distance && scaled <= 1 - at_bound_distance) continue;
+      const ParameterInfo& info = problem_.info(i);
+      result_.warnings.push_back(fmt::format("{} lies at the {} bound of its range ({:.4g} {})",
+                                             info.name, scaled < 0.5 ? "lower" : "upper",
+                                             result_.fabric.value(info.name), info.unit));
+    }
+    if (result_.diverged > 0)
+      result_.warnings.push_back(
+          fmt::format("{} of {} evaluations diverged", result_.diverged, result_.evaluations));
+    if (!std::isfinite(result_.final.error))
+      result_.warnings.push_back("every simulation diverged: there is no estimate");
+    if (stopped_) result_.warnings.push_back("stopped before the end: the best so far");
+  }
+
+  const Problem& problem_;
+  const LeastSquaresFitOptions& options_;
+  EvaluationStore* store_;
+  const FitObserver& observer_;
+  std::string phase_;
+  double phase_best_ = kInfinity, best_error_ = kInfinity;
+  bool stopped_ = false;
+  FitResult result_;
+};
+
+}  // namespace
+
+FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options,
+                                EvaluationStore* store, const FitObserver& observer) {
+  return LeastSquaresFit(problem, options, store, observer).run();
+}
+
+}  // namespace weft

@@ -1,0 +1,44 @@
+#pragma once
+#include <vector>
+
+#include "weft/estimate/fit.h"
+#include "weft/estimate/least_squares_refine.h"
+#include "weft/estimate/linearize_trial.h"
+
+namespace weft {
+
+/// One pass of least squares over all candidates that are left.
+struct FitStage {
+  int frames = 0;     ///< compared of each trial, the first ones; 0: all
+  int survivors = 1;  ///< the best candidates that go on to it
+  int max_iterations = 10;
+  double silhouette_sigma = 3;  ///< px
+  double fold_scale = 1;        ///< rad
+};
+
+struct LeastSquaresFitOptions {
+  /// A Latin hypercube of this many points over the ranges, and the start itself, are compared on
+  /// `screening_frames` frames; 0: no screening.
+  int screening_points = 24;
+  int screening_frames = 10;
+  std::vector<FitStage> stages{{10, 4, 6, 6, 1}, {25, 2, 8, 4, 1}, {0, 1, 15, 3, 1}};
+  RefineOptions refine;  ///< after the stages; its seed and threads are overwritten
+  FitOptions::Start start = FitOptions::Start::middle;
+  LeastSquaresOptions solver;          ///< its max_iterations is that of the stage
+  LinearizationOptions linearization;  ///< its frames, losses and threads are overwritten
+  std::uint64_t seed = 1;
+  int threads = 0;  ///< 0: all cores; the result does not depend on it
+};
+
+/// Fits the free parameters of `problem` by least squares through the derivatives of the motion,
+/// from coarse to fine: screening on a few frames, then LevenbergMarquardt stage by stage over more
+/// frames and narrower losses, then a search about its end (refine()). The estimate is the point
+/// with the smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all
+/// frames. FitResult::start is where the last stage started; there are no variability curves. Full
+/// evaluations are added to `store`, and those that are not part of a linearization are replayed
+/// from it. Deterministic for a seed, whatever the number of threads. Throws Error for options out
+/// of range and for a problem with an evaluator of its own.
+FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},
+                                EvaluationStore* store = nullptr, const FitObserver& observer = {});
+
+}  // namespace weft

@@ -1,0 +1,232 @@
+#include "weft/estimate/linearize_trial.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "weft/base/error.h"
+#include "weft/base/parallel.h"
+#include "weft/estimate/evaluate_trial.h"
+
+namespace weft {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Frames of one trial, compared or linearized.
+struct TrialFrames {
+  std::vector<FrameLinearization> frames;  ///< gradient and hessian empty where only compared
+  bool diverged = false;
+  double wall_s = 0;
+  long inexact = 0;
+};
+
+Scene shortened(const Trial& trial, int compared) {
+  Scene scene = trial.scene;
+  scene.frame_times.resize(static_cast<std::size_t>(trial.first_frame + compared));
+  return scene;
+}
+
+int compared_frames(const Trial& trial, int frame_count) {
+  return frame_count > 0 ? std::min(frame_count, trial.frame_count()) : trial.frame_count();
+}
+
+class TrialComparer {
+ public:
+  TrialComparer(const Trial& trial, const LinearizationOptions& options, int threads)
+      : trial_(trial),
+        residual_(options.residual),
+        compared_(compared_frames(trial, options.frame_count)),
+        least_motion_(options.least_motion),
+        unstable_motion_(options.unstable_motion),
+        threads_(threads) {
+    residual_.alpha = trial.options.alpha;
+  }
+
+  TrialFrames evaluate(const Fabric& fabric) const {
+    const auto begin = Clock::now();
+    const Trajectory motion =
+        simulate(shortened(trial_, compared_), fabric, trial_.options.simulation);
+    TrialFrames result = prepare(motion);
+    each_frame(result, [&](FrameResiduals& residuals, std::size_t i) {
+      static_cast<FrameCost&>(result.frames[i]) =
+          residuals.evaluate(trial_.features[i], motion.frames[i + first()]);
+    });
+    result.wall_s = seconds_since(begin);
+    return result;
+  }
+
+  /// `slopes`: d value / d scaled of each parameter.
+  TrialFrames linearize(const Fabric& fabric, const std::vector<int>& parameters,
+                        const VecX& slopes, const SensitivitySimulator& simulator) const {
+    const auto begin = Clock::now();
+    const TrajectoryWithSensitivities motion =
+        simulator(shortened(trial_, compared_), fabric, parameters, trial_.options.simulation);
+    TrialFrames result = prepare(motion.trajectory);
+    result.inexact = motion.sensitivities.inexact;
+    each_frame(result, [&](FrameResiduals& residuals, std::size_t i) {
+      const Directions& dx = motion.sensitivities.x[i + first()];
+      result.frames[i] =
+          linearize_frame(residuals, trial_.features[i], motion.trajectory.frames[i + first()],
+                          dx.leftCols(slopes.size()) * slopes.asDiagonal());
+    });
+    result.wall_s = seconds_since(begin);
+    return result;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static double seconds_since(Clock::time_point begin) {
+    return std::chrono::duration<double>(Clock::now() - begin).count();
+  }
+
+  /// In the principal directions of the motion, then mapped back to the parameters.
+  FrameLinearization linearize_frame(FrameResiduals& residuals, const FrameFeatures& measured,
+                                     const Points& x, const MatX& dx) const {
+    const Eigen::SelfAdjointEigenSolver<MatX> principal(dx.transpose() * dx / double(x.cols()));
+    const VecX motion = principal.eigenvalues().cwiseMax(0).cwiseSqrt();  // ascending
+    Eigen::Index still = 0;
+    while (still < motion.size() && motion[still] < least_motion_) ++still;
+    const Eigen::Index moving = motion.size() - still;
+    const MatX basis = principal.eigenvectors().rightCols(moving);
+    FrameLinearization frame = residuals.linearize(measured, x, dx * basis);
+    const VecX trust =
+        (1 + (motion.tail(moving) / unstable_motion_).array().square()).inverse().matrix();
+    const MatX back = basis * trust.asDiagonal();
+    frame.gradient = (back * frame.gradient).eval();
+    frame.hessian = (back * frame.hessian * back.transpose()).eval();
+    return frame;
+  }
+
+  std::size_t first() const { return static_cast<std::size_t>(trial_.first_frame); }
+
+  TrialFrames prepare(const Trajectory& motion) const {
+    TrialFrames result;
+    result.diverged =
+        motion.diverged || static_cast<int>(motion.frames.size()) < trial_.first_frame + compared_;
+    if (!result.diverged) result.frames.resize(static_cast<std::size_t>(compared_));
+    return result;
+  }
+
+  template <typename Task>
+  void each_frame(const TrialFrames& result, const Task& task) const {
+    const std::size_t count = result.frames.size();
+    const std::size_t workers = worker_count(count, threads_);
+    parallel_for(workers, threads_, [&](std::size_t worker) {
+      if (worker >= count) return;
+      FrameResiduals residuals(trial_.capture.rig, trial_.scene.mesh, trial_.options.render,
+                               trial_.options.angle_map, residual_);
+      for (std::size_t i = worker; i < count; i += workers) task(residuals, i);
+    });
+  }
+
+  const Trial& trial_;
+  ResidualOptions residual_;
+  int compared_;
+  double least_motion_, unstable_motion_;
+  int threads_;
+};
+
+/// Adds a trial's share to the problem's numbers; returns the factor of its frames' sums.
+double add_trial_share(const Trial& trial, const TrialFrames& frames, double share,
+                       ProblemEvaluation& evaluation, double& cost) {
+  evaluation.wall_s += frames.wall_s;
+  if (frames.diverged) {
+    evaluation.diverged = true;
+    evaluation.error = evaluation.error_per_frame = evaluation.fold = evaluation.silhouette =
+        kInfinity;
+    cost = kInfinity;
+    return 0;
+  }
+  double fold = 0, silhouette = 0, masked = 0, sum = 0;
+  for (const FrameCost& frame : frames.frames) {
+    fold += frame.error.fold;
+    silhouette += frame.error.silhouette;
+    masked += frame.error.mask_pixels;
+    sum += frame.cost;
+  }
+  const auto count = double(frames.frames.size());
+  const double total = fold + trial.options.alpha * silhouette;
+  const double factor = share / std::max(count, masked);
+  evaluation.error += factor * total;
+  evaluation.error_per_frame += share * total / count;
+  evaluation.fold += share * fold / count;
+  evaluation.silhouette += share * silhouette / count;
+  cost += factor * sum;
+  return factor;
+}
+
+int all_threads(int threads) { return threads > 0 ? threads : hardware_threads(); }
+
+/// Runs `task(trial index, threads for it)` over the trials.
+template <typename Task>
+void each_trial(std::size_t count, int threads, const Task& task) {
+  const int inner = std::max(1, all_threads(threads) / static_cast<int>(count));
+  parallel_for(count, threads, [&](std::size_t i) { task(i, inner); });
+}
+
+}  // namespace
+
+double scaled_slope(const ParameterInfo& info, double scaled) {
+  // The map is an exponential: a step of 1e-4 leaves (c h)^2 / 6 of its slope, with c = log(upper /
+  // lower) some 10 in the scaled coordinate, 2e-7. Outside [0, 1] it goes on.
+  constexpr double h = 1e-4;
+  return (from_scaled(info, scaled + h) - from_scaled(info, scaled - h)) / (2 * h);
+}
+
+ProblemCost evaluate_cost(const Problem& problem, const VecX& scaled,
+                          const LinearizationOptions& options) {
+  const auto& trials = problem.trials();
+  const Fabric fabric = problem.fabric(scaled);
+  std::vector<TrialFrames> frames(trials.size());
+  each_trial(trials.size(), options.threads, [&](std::size_t i, int threads) {
+    frames[i] = TrialComparer(*trials[i], options, threads).evaluate(fabric);
+  });
+  ProblemCost result;
+  for (std::size_t i = 0; i < trials.size(); ++i)
+    add_trial_share(*trials[i], frames[i], 1 / double(trials.size()), result.evaluation,
+                    result.cost);
+  return result;
+}
+
+ProblemLinearization linearize(const Problem& problem, const VecX& scaled,
+                               const LinearizationOptions& options) {
+  const auto& trials = problem.trials();
+  const Fabric fabric = problem.fabric(scaled);
+  const int n = problem.dimension();
+  std::vector<int> parameters;
+  VecX slopes(n);
+  for (int i = 0; i < n; ++i) {
+    parameters.push_back(
+        parameter_index(fabric.model, problem.free()[static_cast<std::size_t>(i)]));
+    slopes[i] = scaled_slope(problem.info(i), scaled[i]);
+  }
+  const SensitivitySimulator simulator =
+      options.simulator ? options.simulator : SensitivitySimulator(simulate_with_sensitivities);
+  std::vector<TrialFrames> frames(trials.size());
+  each_trial(trials.size(), options.threads, [&](std::size_t i, int threads) {
+    frames[i] = TrialComparer(*trials[i], options, threads)
+                    .linearize(fabric, parameters, slopes, simulator);
+  });
+
+  ProblemLinearization result;
+  result.model.gradient = VecX::Zero(n);
+  result.model.hessian = MatX::Zero(n, n);
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    const double factor = add_trial_share(*trials[i], frames[i], 1 / double(trials.size()),
+                                          result.evaluation, result.model.cost);
+    result.inexact += frames[i].inexact;
+    for (std::size_t k = 0; k < frames[i].frames.size(); ++k) {
+      const FrameLinearization& frame = frames[i].frames[k];
+      result.parts.push_back(
+          {i, static_cast<int>(k), factor * frame.gradient, factor * frame.hessian});
+      result.model.gradient += result.parts.back().gradient;
+      result.model.hessian += result.parts.back().hessian;
+    }
+  }
+  return result;
+}
+
+}  // namespace weft

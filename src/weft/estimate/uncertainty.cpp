@@ -1,0 +1,273 @@
+#include "weft/estimate/uncertainty.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "weft/base/error.h"
+#include "weft/estimate/variability.h"
+
+namespace weft {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/// Eigenvalues of a matrix below this part of the largest one are rounding.
+constexpr double kRounding = 1e-13;
+constexpr double kLargestCondition = 1e12;
+/// An interval of half the range and more to either side says nothing about the fabric.
+constexpr double kWidestHalf = 0.5;
+
+/// Inverse of the standard normal distribution by Newton's method on erfc.
+double normal_quantile(double p) {
+  double x = 0;
+  for (int i = 0; i < 100; ++i) {
+    const double error = 0.5 * std::erfc(-x / std::numbers::sqrt2) - p;
+    const double density = std::exp(-0.5 * x * x) / std::sqrt(2 * std::numbers::pi);
+    const double step = std::clamp(error / density, -1.0, 1.0);
+    x -= step;
+    if (std::abs(step) < 1e-14) break;
+  }
+  return x;
+}
+
+/// The estimate without cluster k less the estimate, to first order; empty where a direction is
+/// left without any data.
+VecX leave_one_out(const MatX& hessian, const VecX& gradient) {
+  const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
+  const VecX& values = eigen.eigenvalues();
+  if (!(values[0] > kRounding * values[values.size() - 1])) return {};
+  return -(eigen.eigenvectors() *
+           (eigen.eigenvectors().transpose() * gradient).cwiseQuotient(values));
+}
+
+MatX select(const MatX& matrix, const std::vector<Eigen::Index>& indices) {
+  return matrix(indices, indices);
+}
+
+std::vector<CostPart> select(const std::vector<CostPart>& parts,
+                             const std::vector<Eigen::Index>& indices) {
+  std::vector<CostPart> selected;
+  for (const CostPart& part : parts)
+    selected.push_back(
+        {part.trial, part.frame, VecX(part.gradient(indices)), select(part.hessian, indices)});
+  return selected;
+}
+
+}  // namespace
+
+double student_quantile(double p, double degrees_of_freedom) {
+  if (!(p > 0 && p < 1) || !(degrees_of_freedom >= 1))
+    throw Error("Student's t: p must be in (0, 1), degrees of freedom at least 1");
+  if (p < 0.5) return -student_quantile(1 - p, degrees_of_freedom);
+  const double a = 2 * p - 1;
+  // One and two degrees of freedom in closed form; above, Cornish and Fisher's expansion about the
+  // normal quantile (Abramowitz and Stegun 26.7.5).
+  if (degrees_of_freedom < 2) return std::tan(0.5 * std::numbers::pi * a);
+  if (degrees_of_freedom < 3) return a * std::sqrt(2 / (1 - a * a));
+  const double z = normal_quantile(p), z2 = z * z, n = degrees_of_freedom;
+  const double g1 = z * (z2 + 1) / 4;
+  const double g2 = z * ((5 * z2 + 16) * z2 + 3) / 96;
+  const double g3 = z * (((3 * z2 + 19) * z2 + 17) * z2 - 15) / 384;
+  const double g4 = z * ((((79 * z2 + 776) * z2 + 1482) * z2 - 1920) * z2 - 945) / 92160;
+  return z + (g1 + (g2 + (g3 + g4 / n) / n) / n) / n;
+}
+
+std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames) {
+  if (frames < 1) throw Error("frames per cluster must be at least 1");
+  std::vector<CostPart> joined;
+  for (const CostPart& part : parts) {
+    const int block = part.frame / frames;
+    if (!joined.empty() && joined.back().trial == part.trial && joined.back().frame == block) {
+      joined.back().gradient += part.gradient;
+      joined.back().hessian += part.hessian;
+    } else {
+      joined.push_back({part.trial, block, part.gradient, part.hessian});
+    }
+  }
+  return joined;
+}
+
+ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters) {
+  if (clusters.size() < 2) throw Error("uncertainty needs at least two frames");
+  const Eigen::Index n = clusters.front().gradient.size();
+  VecX gradient = VecX::Zero(n);
+  MatX hessian = MatX::Zero(n, n);
+  for (const CostPart& cluster : clusters) {
+    if (cluster.gradient.size() != n || cluster.hessian.rows() != n || cluster.hessian.cols() != n)
+      throw Error("uncertainty: clusters of different sizes");
+    gradient += cluster.gradient;
+    hessian += cluster.hessian;
+  }
+  const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
+  const VecX& values = eigen.eigenvalues();  // ascending
+  const double largest = values[n - 1];
+  ClusterCovariance result;
+  result.clusters = static_cast<int>(clusters.size());
+  result.condition = values[0] > 0 ? largest / values[0] : kInfinity;
+
+  // The weakest directions are given up one by one until the rest stands without any one cluster.
+  Eigen::Index lost = 0;
+  while (lost < n && !(values[lost] > kRounding * largest)) ++lost;
+  for (; lost < n; ++lost) {
+    const MatX basis = eigen.eigenvectors().rightCols(n - lost);
+    std::vector<VecX> shifts;
+    for (const CostPart& cluster : clusters) {
+      VecX shift = leave_one_out(basis.transpose() * (hessian - cluster.hessian) * basis,
+                                 basis.transpose() * (gradient - cluster.gradient));
+      if (shift.size() == 0) break;
+      shifts.push_back(std::move(shift));
+    }
+    if (shifts.size() < clusters.size()) continue;
+    VecX mean = VecX::Zero(n - lost);
+    for (const VecX& shift : shifts) mean += shift / double(shifts.size());
+    MatX spread = MatX::Zero(n - lost, n - lost);
+    for (const VecX& shift : shifts) spread += (shift - mean) * (shift - mean).transpose();
+    const auto count = double(clusters.size());
+    result.covariance = (count - 1) / count * (basis * spread * basis.transpose());
+    break;
+  }
+  if (lost == n) result.covariance = MatX::Zero(n, n);
+  result.undetermined = eigen.eigenvectors().leftCols(lost);
+  return result;
+}
+
+namespace {
+
+class UncertaintyOfEstimate {
+ public:
+  UncertaintyOfEstimate(const Problem& problem, const VecX& scaled,
+                        const std::vector<CostPart>& parts, const UncertaintyOptions& options)
+      : problem_(problem), scaled_(scaled), options_(options) {
+    if (!(options.confidence > 0 && options.confidence < 1))
+      throw Error(fmt::format("confidence is {:g}, must be in (0, 1)", options.confidence));
+    clusters_ = join_frames(parts, options.frames_per_cluster);
+    result_.confidence = options.confidence;
+  }
+
+  Uncertainty run() {
+    const Eigen::Index n = scaled_.size();
+    sort_parameters();
+    result_.covariance = MatX::Zero(n, n);
+    result_.correlation = MatX::Constant(n, n, std::numeric_limits<double>::quiet_NaN());
+    result_.parameters.resize(static_cast<std::size_t>(n));
+    if (!free_.empty()) fill(free_);
+    // A held parameter is looked at together with the free ones, one at a time.
+    for (const Eigen::Index i : held_) fill_held(i);
+    warn();
+    return std::move(result_);
+  }
+
+ private:
+  /// Which parameters lie at a bound that holds them back.
+  void sort_parameters() {
+    VecX gradient = VecX::Zero(scaled_.size());
+    for (const CostPart& cluster : clusters_) gradient += cluster.gradient;
+    for (Eigen::Index i = 0; i < scaled_.size(); ++i) {
+      const bool held = (scaled_[i] < at_bound_distance && gradient[i] > 0) ||
+                        (scaled_[i] > 1 - at_bound_distance && gradient[i] < 0);
+      (held ? held_ : free_).push_back(i);
+    }
+  }
+
+  double quantile(int clusters) const {
+    return student_quantile(0.5 + 0.5 * options_.confidence, clusters - 1);
+  }
+
+  static bool touched(const MatX& undetermined, Eigen::Index row) {
+    return undetermined.cols() > 0 && undetermined.row(row).norm() > 1e-4;
+  }
+
+  void fill(const std::vector<Eigen::Index>& indices) {
+    const ClusterCovariance found = cluster_covariance(select(clusters_, indices));
+    result_.condition = found.condition;
+    result_.clusters = found.clusters;
+    for (std::size_t a = 0; a < indices.size(); ++a) {
+      const auto row = static_cast<Eigen::Index>(a);
+      const double sigma = std::sqrt(found.covariance(row, row));
+      const bool lost = touched(found.undetermined, row);
+      set(indices[a], lost ? kInfinity : quantile(found.clusters) * sigma);
+      for (std::size_t b = 0; b < indices.size(); ++b) {
+        const auto column = static_cast<Eigen::Index>(b);
+        result_.covariance(indices[a], indices[b]) = found.covariance(row, column);
+        if (!lost && !touched(found.undetermined, column))
+          result_.correlation(indices[a], indices[b]) =
+              row == column ? 1
+                            : found.covariance(row, column) /
+                                  (sigma * std::sqrt(found.covariance(column, column)));
+      }
+    }
+  }
+
+  void fill_held(Eigen::Index i) {
+    std::vector<Eigen::Index> indices = free_;
+    indices.push_back(i);
+    const ClusterCovariance found = cluster_covariance(select(clusters_, indices));
+    const auto row = static_cast<Eigen::Index>(free_.size());
+    const bool lost = touched(found.undetermined, row);
+    if (free_.empty()) {
+      result_.condition = found.condition;
+      result_.clusters = found.clusters;
+    }
+    set(i, lost ? kInfinity : quantile(found.clusters) * std::sqrt(found.covariance(row, row)));
+  }
+
+  void set(Eigen::Index i, double half_width) {
+    const ParameterInfo& info = problem_.info(static_cast<int>(i));
+    ParameterInterval& p = result_.parameters[static_cast<std::size_t>(i)];
+    p.name = info.name;
+    p.unit = info.unit;
+    p.value = from_scaled(info, scaled_[i]);
+    p.half_width = half_width;
+    p.determined = half_width <= kWidestHalf;
+    p.at_lower = scaled_[i] < at_bound_distance;
+    p.at_upper = scaled_[i] > 1 - at_bound_distance;
+    const bool held = std::find(held_.begin(), held_.end(), i) != held_.end();
+    p.lower = p.value;
+    p.upper = p.value;
+    // No parameter of the model may be negative.
+    if (!(held && p.at_lower))
+      p.lower =
+          std::isinf(half_width) ? 0 : std::max(0.0, from_scaled(info, scaled_[i] - half_width));
+    if (!(held && p.at_upper))
+      p.upper = std::isinf(half_width) ? kInfinity : from_scaled(info, scaled_[i] + half_width);
+  }
+
+  void warn() {
+    if (result_.condition > kLargestCondition)
+      result_.warnings.push_back(fmt::format(
+          "the condition number of the problem is {:.1g}: some combination of parameters is not "
+          "determined by the data",
+          result_.condition));
+    for (const ParameterInterval& p : result_.parameters) {
+      if (p.at_lower || p.at_upper)
+        result_.warnings.push_back(fmt::format("{} lies at the {} bound of its range ({:.4g} {})",
+                                               p.name, p.at_lower ? "lower" : "upper", p.value,
+                                               p.unit));
+      if (!p.determined)
+        result_.warnings.push_back(fmt::format("{} is not determined by the data", p.name));
+    }
+  }
+
+  const Problem& problem_;
+  const VecX& scaled_;
+  const UncertaintyOptions& options_;
+  std::vector<CostPart> clusters_;
+  std::vector<Eigen::Index> free_, held_;
+  Uncertainty result_;
+};
+
+}  // namespace
+
+Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
+                                 const std::vector<CostPart>& parts,
+                                 const UncertaintyOptions& options) {
+  if (scaled.size() != problem.dimension())
+    throw Error("uncertainty: the estimate and the problem differ in size");
+  return UncertaintyOfEstimate(problem, scaled, parts, options).run();
+}
+
+}  // namespace weft

@@ -1,0 +1,74 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "weft/estimate/linearize_trial.h"
+
+namespace weft {
+
+/// How sure a least-squares estimate is.
+///
+/// Residuals of neighbouring pixels are not independent: the filters blur over some 10 px, and what
+/// the model lacks shows in all of a frame at once. s^2 H^-1 with s^2 from the residuals would make
+/// intervals absurdly small. So the spread is measured on clusters of residuals (frames, or blocks
+/// of successive frames) that are taken to be independent of each other, whatever goes on inside:
+/// the estimate is repeated, to first order, without each cluster in turn (the jackknife),
+///
+///     d_k = -(H - H_k)^-1 (g - g_k),   C = (K - 1) / K sum_k (d_k - mean d) (d_k - mean d)^T,
+///
+/// with g_k and H_k the cluster's gradient and Gauss-Newton matrix, g and H their sums. Unlike the
+/// sandwich H^-1 (sum g_k g_k^T) H^-1, which it approaches for many clusters, it is not too small
+/// where few clusters decide a parameter (MacKinnon and White 1985, HC3; Bell and McCaffrey 2002).
+/// Intervals take Student's t with K - 1 degrees of freedom.
+struct ClusterCovariance {
+  MatX covariance;  ///< n x n; of the determined subspace
+  /// Columns: orthonormal directions that no cluster, or a single one, determines; n x m.
+  MatX undetermined;
+  double condition = 0;  ///< of H; infinity where singular
+  int clusters = 0;
+};
+/// Throws Error for fewer than two parts or sizes that differ.
+ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters);
+
+/// Successive parts of a trial joined into blocks of `frames`; the last block may be shorter.
+std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames);
+
+struct UncertaintyOptions {
+  double confidence = 0.9;  ///< of the intervals, (0, 1)
+  /// Successive frames whose residuals are taken to depend on each other; >= 1.
+  int frames_per_cluster = 1;
+};
+
+/// One parameter. Symmetric in its search coordinate, so not in its own unit.
+struct ParameterInterval {
+  std::string name, unit;
+  double value = 0;
+  double lower = 0, upper = 0;  ///< of the interval, not of the range; infinite if not determined
+  /// Half the interval in scaled coordinates, 1 being the whole range of the search.
+  double half_width = 0;
+  bool determined = true;                   ///< half_width is at most 0.5
+  bool at_lower = false, at_upper = false;  ///< lies at a bound of the search
+};
+
+struct Uncertainty {
+  std::vector<ParameterInterval> parameters;
+  MatX covariance;   ///< scaled coordinates; rows of parameters that are held at a bound are zero
+  MatX correlation;  ///< -1 to 1; NaN for parameters that are not determined
+  double condition = 0;
+  int clusters = 0;
+  double confidence = 0;
+  std::vector<std::string> warnings;
+};
+
+/// Of the estimate at `scaled`, from the parts of its linearization. Parameters at a bound towards
+/// which the cost still falls are held for the intervals of the others; their own interval reaches
+/// from the bound inwards by what it would be if they were free.
+Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
+                                 const std::vector<CostPart>& parts,
+                                 const UncertaintyOptions& options = {});
+
+/// Quantile of Student's t distribution, 0 < p < 1, degrees of freedom >= 1; relative error below
+/// 1e-3 from 3 degrees of freedom on.
+double student_quantile(double p, double degrees_of_freedom);
+
+}  // namespace weft

@@ -1,0 +1,377 @@
+#include "weft/objective/residuals.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "weft/base/error.h"
+#include "weft/objective/residuals_motion.h"
+#include "weft/vision/plane.h"
+#include "weft/vision/steerable_basis.h"
+
+namespace weft {
+namespace {
+
+using detail::Box;
+using detail::kPack;
+using detail::load;
+using detail::Pack;
+using detail::Plane;
+using detail::store;
+using detail::Taps;
+
+void require(bool ok, const char* name, double value, const char* range) {
+  if (!ok) throw Error(fmt::format("residuals: {} is {:g}, must be {}", name, value, range));
+}
+
+/// A silhouette blurred by a Gaussian. Keeps its buffers.
+class SoftCoverage {
+ public:
+  explicit SoftCoverage(double sigma) : taps_(detail::gaussian_taps(sigma)) {}
+  int reach() const { return int(taps_.size()) - 1; }
+
+  /// Coverage of the pixels of `box`, 0 to 1; outside the image there is no cloth.
+  void blur(const Mask& mask, const Box& box) {
+    const int rows = box.height() + 2 * reach();
+    line_.resize(1, box.width() + 2 * reach(), reach());
+    along_.resize(rows, box.width(), reach());
+    out_.resize(box.height(), box.width(), 0);
+    for (int i = 0; i < rows; ++i) {
+      const int y = box.y0 - reach() + i;
+      if (y >= 0 && y < int(mask.rows())) blur_row(mask, y, box, along_.row(i));
+    }
+    const std::ptrdiff_t stride = along_.row(1) - along_.row(0);
+    for (int i = 0; i < box.height(); ++i)
+      for (int x = 0; x < box.width(); x += kPack)
+        store(out_.row(i) + x, taps_sum(along_.row(i + reach()) + x, stride));
+  }
+  const float* row(int i) const { return out_.row(i); }
+
+ private:
+  Pack taps_sum(const float* in, std::ptrdiff_t step) const {
+    Pack sum = taps_[0] * load(in);
+    for (std::size_t n = 1; n < taps_.size(); ++n) {
+      const std::ptrdiff_t offset = std::ptrdiff_t(n) * step;
+      sum += taps_[n] * (load(in + offset) + load(in - offset));
+    }
+    return sum;
+  }
+
+  void blur_row(const Mask& mask, int y, const Box& box, float* out) {
+    const std::uint8_t* in = mask.data() + y * mask.cols();
+    const int first = std::max(box.x0 - reach(), 0);
+    const int last = std::min(box.x1 + reach(), int(mask.cols()));
+    float* line = line_.row(0);
+    bool any = false;
+    for (int x = box.x0 - reach(); x < box.x1 + reach(); ++x) {
+      const bool inside = x >= first && x < last && in[x] != 0;
+      line[x - box.x0] = inside ? 1.0f : 0.0f;
+      any = any || inside;
+    }
+    if (!any) return;
+    for (int x = 0; x < box.width(); x += kPack) store(out + x, taps_sum(line + x, 1));
+  }
+
+  const Taps taps_;
+  Plane line_, along_, out_;
+};
+
+Box enclosing(const Box& a, const Box& b) {
+  if (a.empty()) return b;
+  if (b.empty()) return a;
+  return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
+}
+
+Box grown(const Box& box, int by, int width, int height) {
+  if (box.empty()) return box;
+  return {std::max(box.x0 - by, 0), std::max(box.y0 - by, 0), std::min(box.x1 + by, width),
+          std::min(box.y1 + by, height)};
+}
+
+/// Coverage this far from 0 and 1 belongs to an outline.
+constexpr float kCoverageFloor = 1e-3f;
+
+}  // namespace
+
+struct FrameResiduals::Impl {
+  Impl(const Rig& rig, const TriangleMesh& mesh, const RenderOptions& render,
+       const AngleMapOptions& angle_map, const ResidualOptions& given);
+
+  FrameCost look(const FrameFeatures& measured, const Points& x);
+  FrameLinearization linearize(const FrameFeatures& measured, const Points& x,
+                               const MatX& directions);
+
+ private:
+  void collect_folds(const FrameFeatures& measured, const AngleMap& simulated);
+  void collect_outlines(const FrameFeatures& measured, const Mask& silhouette);
+  double fastest_motion(const Points& x, Eigen::Ref<const VecX> direction) const;
+  void differentiate_stripes(const Points& x, const MatX& directions);
+  void follow_folds(const Points& x, const MatX& directions);
+  void follow_outlines();
+  Vec2 angle_gradient(int row, int column) const;
+  void differentiate(const Points& x, Eigen::Ref<const VecX> direction, Eigen::Index column);
+  Eigen::Index residual_count() const { return Eigen::Index(pixels_.size() + outline_.size()); }
+
+  Projection camera_;
+  int width_, height_;
+  ResidualOptions options_;
+  Renderer renderer_;
+  AngleMapper mapper_;
+  detail::StripeMotion motion_;
+  const AngleMap* simulated_ = nullptr;  ///< of the last look
+  SoftCoverage measured_coverage_, coverage_;
+  Box box_;  ///< of the outlines
+  int margin_;
+  // Of the last look: pixels of fold terms with their angle, then pixels of outlines with their
+  // coverage.
+  std::vector<Eigen::Index> pixels_;
+  std::vector<float> angles_;
+  struct OutlinePixel {
+    int row, column;  ///< of box_
+    float coverage;
+  };
+  std::vector<OutlinePixel> outline_;
+  std::vector<double> residuals_, weights_;  ///< folds, then outlines
+  Points moved_;
+  MatX jacobian_, weighted_;  ///< one frame's: its pixels x directions
+};
+
+FrameResiduals::Impl::Impl(const Rig& rig, const TriangleMesh& mesh, const RenderOptions& render,
+                           const AngleMapOptions& angle_map, const ResidualOptions& given)
+    : camera_(rig.camera.projection()),
+      width_(rig.width),
+      height_(rig.height),
+      options_(given),
+      renderer_(rig, mesh, render),
+      mapper_(rig.width, rig.height, angle_map),
+      motion_(rig, mesh),
+      measured_coverage_(given.silhouette_sigma),
+      coverage_(given.silhouette_sigma),
+      margin_(coverage_.reach() + int(std::ceil(given.image_step)) + 1) {}
+
+FrameCost FrameResiduals::Impl::look(const FrameFeatures& measured, const Points& x) {
+  const RenderedFrame& image = renderer_.render(x);
+  const AngleMap& simulated = mapper_.compute(image.intensity, image.silhouette);
+  simulated_ = &simulated;
+  FrameCost result;
+  result.error = compare(measured, simulated, image.silhouette);
+  residuals_.clear();
+  weights_.clear();
+  collect_folds(measured, simulated);
+  const double s2 = options_.fold_scale * options_.fold_scale;
+  for (const double r : residuals_) {
+    const double u = r * r / s2;
+    result.cost += std::isinf(s2) ? r * r : s2 * std::log1p(u);
+    weights_.push_back(1 / (1 + u));
+  }
+  collect_outlines(measured, image.silhouette);
+  for (std::size_t i = pixels_.size(); i < residuals_.size(); ++i) {
+    result.cost += options_.alpha * residuals_[i] * residuals_[i];
+    weights_.push_back(options_.alpha);
+  }
+  return result;
+}
+
+void FrameResiduals::Impl::collect_folds(const FrameFeatures& measured, const AngleMap& simulated) {
+  pixels_.clear();
+  angles_.clear();
+  for (Eigen::Index i = 0; i < simulated.angle.size(); ++i) {
+    if (!(measured.fold_mask.data()[i] & measured.angles.valid.data()[i] &
+          simulated.valid.data()[i]))
+      continue;
+    const float angle = simulated.angle.data()[i];
+    pixels_.push_back(i);
+    angles_.push_back(angle);
+    residuals_.push_back(double(orientation_difference(angle, measured.angles.angle.data()[i])));
+  }
+}
+
+void FrameResiduals::Impl::collect_outlines(const FrameFeatures& measured, const Mask& silhouette) {
+  outline_.clear();
+  if (options_.alpha == 0) return;
+  box_ =
+      grown(enclosing(detail::bounding_box(measured.silhouette), detail::bounding_box(silhouette)),
+            margin_, width_, height_);
+  if (box_.empty()) return;
+  measured_coverage_.blur(measured.silhouette, box_);
+  coverage_.blur(silhouette, box_);
+  for (int i = 0; i < box_.height(); ++i) {
+    const float* seen = measured_coverage_.row(i);
+    const float* simulated = coverage_.row(i);
+    for (int j = 0; j < box_.width(); ++j) {
+      const float s = simulated[j], difference = s - seen[j];
+      if (std::abs(difference) < kCoverageFloor && std::min(s, 1 - s) < kCoverageFloor) continue;
+      outline_.push_back({i, j, s});
+      residuals_.push_back(double(difference));
+    }
+  }
+}
+
+/// Of the vertices along `direction`, px per unit; motion along the ray counts like motion across
+/// it (it moves the stripes).
+double FrameResiduals::Impl::fastest_motion(const Points& x,
+                                            Eigen::Ref<const VecX> direction) const {
+  double fastest = 0;
+  for (Eigen::Index v = 0; v < x.cols(); ++v) {
+    const Vec3 image = camera_ * x.col(v).homogeneous();
+    if (!(image.z() > 1e-6)) continue;
+    const Vec3 gradient =
+        (camera_.block<1, 3>(0, 0) - image.x() / image.z() * camera_.block<1, 3>(2, 0))
+            .transpose() /
+        image.z();
+    fastest = std::max(fastest, gradient.norm() * direction.segment<3>(3 * v).norm());
+  }
+  return std::isfinite(fastest) ? fastest : 0;
+}
+
+void FrameResiduals::Impl::differentiate(const Points& x, Eigen::Ref<const VecX> direction,
+                                         Eigen::Index column) {
+  auto derivative = jacobian_.col(column);
+  const double fastest = fastest_motion(x, direction);
+  if (!(fastest > 1e-9)) {
+    derivative.setZero();
+    return;
+  }
+  const double step = options_.image_step / fastest;
+  moved_ = x;
+  flat(moved_) += step * direction;
+  const RenderedFrame& image = renderer_.render(moved_);
+  const AngleMap& simulated = mapper_.compute(image.intensity, image.silhouette);
+  const auto largest = float(options_.largest_turn * options_.image_step);
+  for (std::size_t i = 0; i < pixels_.size(); ++i) {
+    const Eigen::Index at = pixels_[i];
+    const float change = orientation_difference(simulated.angle.data()[at], angles_[i]);
+    const bool follows = simulated.valid.data()[at] != 0 && std::abs(change) <= largest;
+    derivative[Eigen::Index(i)] = follows ? double(change) / step : 0;
+  }
+  if (outline_.empty()) return;
+  coverage_.blur(image.silhouette, box_);
+  for (std::size_t i = 0; i < outline_.size(); ++i) {
+    const OutlinePixel& pixel = outline_[i];
+    derivative[Eigen::Index(pixels_.size() + i)] =
+        double(coverage_.row(pixel.row)[pixel.column] - pixel.coverage) / step;
+  }
+}
+
+/// Of the simulated angle map, rad/px; one-sided or 0 next to pixels without an angle.
+Vec2 FrameResiduals::Impl::angle_gradient(int row, int column) const {
+  const AngleMap& map = *simulated_;
+  const auto slope = [&](int dy, int dx) {
+    const auto value = [&](int sign) {
+      const int y = row + sign * dy, x = column + sign * dx;
+      return y >= 0 && x >= 0 && y < height_ && x < width_ && map.valid(y, x) != 0
+                 ? double(orientation_difference(map.angle(y, x), map.angle(row, column)))
+                 : std::numeric_limits<double>::quiet_NaN();
+    };
+    const double after = value(1), before = value(-1);
+    if (std::isnan(after)) return std::isnan(before) ? 0.0 : -before;
+    return std::isnan(before) ? after : 0.5 * (after - before);
+  };
+  return {slope(0, 1), slope(1, 0)};
+}
+
+void FrameResiduals::Impl::follow_folds(const Points& x, const MatX& directions) {
+  detail::StripeMotion::Rates rates;
+  VecX turn, largest(directions.cols());
+  for (Eigen::Index j = 0; j < directions.cols(); ++j)
+    largest[j] = options_.largest_turn * fastest_motion(x, directions.col(j));
+  for (std::size_t i = 0; i < pixels_.size(); ++i) {
+    const int row = int(pixels_[i] / width_), column = int(pixels_[i] % width_);
+    auto derivative = jacobian_.row(Eigen::Index(i));
+    const int triangle = motion_.triangle(row, column);
+    if (triangle < 0) {
+      derivative.setZero();
+      continue;
+    }
+    motion_.rates(triangle, row, column, rates);
+    const Vec2 slope = angle_gradient(row, column);
+    turn = rates.turn - slope.x() * rates.right - slope.y() * rates.down;
+    derivative = (turn.array().abs() <= largest.array()).select(turn, 0).transpose();
+  }
+}
+
+/// Near an outline the coverage is carried along by the surface: its change is minus its gradient
+/// times the motion of the nearest surface, found by walking uphill.
+void FrameResiduals::Impl::follow_outlines() {
+  detail::StripeMotion::Rates rates;
+  const int last_row = box_.height() - 1, last_column = box_.width() - 1;
+  for (std::size_t i = 0; i < outline_.size(); ++i) {
+    const OutlinePixel& at = outline_[i];
+    auto derivative = jacobian_.row(Eigen::Index(pixels_.size() + i));
+    derivative.setZero();
+    const float* here = coverage_.row(at.row);
+    const int left = std::max(at.column - 1, 0), right = std::min(at.column + 1, last_column);
+    const int above = std::max(at.row - 1, 0), below = std::min(at.row + 1, last_row);
+    const double gx = double(here[right] - here[left]) / std::max(right - left, 1);
+    const double gy = double(coverage_.row(below)[at.column] - coverage_.row(above)[at.column]) /
+                      std::max(below - above, 1);
+    const double steepness = std::hypot(gx, gy);
+    if (steepness < 1e-6) continue;
+    for (int step = 0; step <= coverage_.reach(); ++step) {
+      const int row = box_.y0 + at.row + int(std::lround(step * gy / steepness));
+      const int column = box_.x0 + at.column + int(std::lround(step * gx / steepness));
+      if (row < 0 || column < 0 || row >= height_ || column >= width_) break;
+      const int triangle = motion_.triangle(row, column);
+      if (triangle < 0) continue;
+      motion_.rates(triangle, row, column, rates);
+      derivative = -(gx * rates.right + gy * rates.down).transpose();
+      break;
+    }
+  }
+}
+
+void FrameResiduals::Impl::differentiate_stripes(const Points& x, const MatX& directions) {
+  motion_.look(x);
+  motion_.move(x, directions);
+  follow_folds(x, directions);
+  follow_outlines();
+}
+
+FrameLinearization FrameResiduals::Impl::linearize(const FrameFeatures& measured, const Points& x,
+                                                   const MatX& directions) {
+  if (directions.rows() != x.size())
+    throw Error(
+        fmt::format("residuals: directions have {} rows, must be {}", directions.rows(), x.size()));
+  FrameLinearization result;
+  static_cast<FrameCost&>(result) = look(measured, x);
+  jacobian_.resize(residual_count(), directions.cols());
+  if (options_.derivatives == ResidualOptions::Derivatives::analytic)
+    differentiate_stripes(x, directions);
+  else
+    for (Eigen::Index j = 0; j < directions.cols(); ++j) differentiate(x, directions.col(j), j);
+  const Eigen::Map<const VecX> r(residuals_.data(), residual_count());
+  const Eigen::Map<const VecX> w(weights_.data(), residual_count());
+  weighted_ = 2 * (w.asDiagonal() * jacobian_);
+  result.gradient = weighted_.transpose() * r;
+  result.hessian = weighted_.transpose() * jacobian_;
+  return result;
+}
+
+FrameResiduals::FrameResiduals(const Rig& rig, const TriangleMesh& mesh,
+                               const RenderOptions& render, const AngleMapOptions& angle_map,
+                               const ResidualOptions& options) {
+  require(options.alpha >= 0 && std::isfinite(options.alpha), "alpha", options.alpha, "at least 0");
+  require(options.fold_scale > 0, "fold_scale", options.fold_scale, "above 0 rad");
+  require(options.silhouette_sigma > 0 && options.silhouette_sigma <= 64, "silhouette_sigma",
+          options.silhouette_sigma, "above 0 and at most 64 px");
+  require(options.image_step > 0 && options.image_step <= 16, "image_step", options.image_step,
+          "above 0 and at most 16 px");
+  require(options.largest_turn > 0, "largest_turn", options.largest_turn, "above 0 rad/px");
+  impl_ = std::make_unique<Impl>(rig, mesh, render, angle_map, options);
+}
+FrameResiduals::~FrameResiduals() = default;
+FrameResiduals::FrameResiduals(FrameResiduals&&) noexcept = default;
+
+FrameCost FrameResiduals::evaluate(const FrameFeatures& measured, const Points& x) {
+  return impl_->look(measured, x);
+}
+
+FrameLinearization FrameResiduals::linearize(const FrameFeatures& measured, const Points& x,
+                                             const MatX& directions) {
+  return impl_->linearize(measured, x, directions);
+}
+
+}  // namespace weft

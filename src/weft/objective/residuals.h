@@ -1,0 +1,80 @@
+#pragma once
+/// The terms of the error of a frame as residuals of a least-squares problem, with derivatives.
+///
+/// Bhat 2003, equation 8, adds two sums of squares: wrapped differences of angles over the fold
+/// mask (equation 5), and alpha times the pixels in which the silhouettes differ (equation 6).
+/// Neither is ready for least squares as it stands:
+///
+/// Folds. At occlusion borders and edges of shadow a difference jumps, and near a quarter turn it
+/// wraps. Each squared difference r^2 goes through Cauchy's loss s^2 log(1 + r^2 / s^2), which is
+/// r^2 for |r| << s and grows ever more slowly beyond.
+///
+/// Silhouette. A count of pixels has no derivative. Both silhouettes are blurred by a Gaussian of
+/// sigma px, and the residual of a pixel is the difference of the two coverages, weighted by
+/// sqrt(alpha). Where outlines lie d px apart, the sum of squares per px of outline is
+/// d^2 / (2 sqrt(pi) sigma) for d << sigma, and d - 2 sigma / sqrt(pi) for d >> sigma: smooth, and
+/// nearly equation 6 itself for outlines further apart than the blur, without another weight.
+/// (A difference of signed distances needs a band, a clamp and a scale, and its sum of squares
+/// grows like d^2 where equation 6 grows like d.)
+///
+/// Derivatives are differences of images: the cloth is moved by a fraction of a pixel along each
+/// direction, and rendered and filtered again. What visibility, shadow and the filters do is in
+/// them.
+#include <memory>
+#include <vector>
+
+#include "weft/objective/fold_metric.h"
+#include "weft/optics/render.h"
+
+namespace weft {
+
+struct ResidualOptions {
+  double alpha = 0.1;           ///< weight of the silhouette (equation 8), >= 0
+  double fold_scale = 1;        ///< s of Cauchy's loss, rad; > 0, infinity: plain squares
+  double silhouette_sigma = 3;  ///< px, (0, 64]
+  enum class Derivatives {
+    analytic,     ///< of the stripes on the moving mesh (residuals_motion.h)
+    differences,  ///< of rendered and filtered images: an image a direction
+  } derivatives = Derivatives::analytic;
+  /// Differences: px by which the fastest vertex moves; (0, 16].
+  double image_step = 1;
+  /// rad per px of the fastest vertex. The filters' blur of some 4 px does not let an angle turn
+  /// faster; what does is a pixel at a border that jumps to another piece of cloth (differences) or
+  /// a crumpled triangle (analytic), and its derivative counts as zero; > 0.
+  double largest_turn = 0.2;
+};
+
+/// One frame. Sums over pixels, not means.
+struct FrameCost {
+  FrameError error;  ///< of equations 5 and 6, for reports
+  double cost = 0;   ///< sum of losses, rad^2: comparable with error.total(alpha)
+};
+/// The same with derivatives by n directions.
+struct FrameLinearization : FrameCost {
+  VecX gradient;  ///< of the cost: sum of 2 w r dr
+  MatX hessian;   ///< Gauss-Newton: sum of 2 w dr dr^T, with w the derivative of the loss by r^2
+};
+
+/// Renders simulated shapes and compares them with measured frames. Keeps its buffers: one a
+/// thread.
+class FrameResiduals {
+ public:
+  /// Throws Error for an option outside its range, and what Renderer and AngleMapper throw.
+  FrameResiduals(const Rig& rig, const TriangleMesh& mesh, const RenderOptions& render,
+                 const AngleMapOptions& angle_map, const ResidualOptions& options);
+  ~FrameResiduals();
+  FrameResiduals(FrameResiduals&&) noexcept;
+
+  /// The mesh at `x`, 3 x vertices, m.
+  FrameCost evaluate(const FrameFeatures& measured, const Points& x);
+  /// `directions`: n columns of 3 x vertices numbers (as flat()), m per unit of each parameter; a
+  /// column of zeros gives zero derivatives.
+  FrameLinearization linearize(const FrameFeatures& measured, const Points& x,
+                               const MatX& directions);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace weft
