@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include <chrono>
 #include <cmath>
 #include <ctime>
 #include <memory>
@@ -77,8 +78,12 @@ class PhaseProgress {
   bool operator()(const FitProgress& progress) {
     if (progress.step.phase != phase_) {
       phase_ = progress.step.phase;
-      bar_ = std::make_unique<Progress>(phase_, progress.total);
+      bar_.reset();
+      Progress::Options options;
+      options.start = phase_begin_;
+      bar_ = std::make_unique<Progress>(phase_, progress.total, options);
     }
+    phase_begin_ = std::chrono::steady_clock::now();  // of the next, if this was the last step
     bar_->update(progress.done,
                  fmt::format("error {:.4g}, best {:.4g}{}", progress.step.error, progress.step.best,
                              progress.replayed ? " (replayed)" : ""));
@@ -90,6 +95,7 @@ class PhaseProgress {
  private:
   std::string phase_;
   std::unique_ptr<Progress> bar_;
+  std::chrono::steady_clock::time_point phase_begin_ = std::chrono::steady_clock::now();
 };
 
 std::string now() {

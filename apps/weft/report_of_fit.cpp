@@ -113,6 +113,7 @@ Report report_of_fit(const Problem& problem, const FitResult& fit,
   report.program_version = WEFT_VERSION;
   report.seed = fit.seed;
   report.stopped = fit.stopped;
+  report.remarks = fit.remarks;
   report.error_initial = fit.initial.error;
   report.error = fit.final.error;
   report.error_meaning = "per frame and masked pixel, mean over captures";

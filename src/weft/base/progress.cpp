@@ -17,6 +17,11 @@ std::string duration_text(double seconds) {
   return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
 }
 
+/// "3/10", or "3" where the total is not known.
+std::string count_text(std::size_t done, std::size_t total) {
+  return total > 0 ? fmt::format("{}/{}", done, total) : fmt::format("{}", done);
+}
+
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
@@ -24,10 +29,10 @@ double seconds_since(Clock::time_point start) {
 }  // namespace
 
 Progress::Progress(std::string label, std::size_t total, Options options)
-    : label_(std::move(label)), total_(total), options_(options), start_(Clock::now()) {
+    : label_(std::move(label)), total_(total), options_(options), start_(options.start) {
   terminal_ = isatty(fileno(options_.stream)) != 0;
   // The first update prints at once.
-  last_print_ = start_ - std::chrono::hours(1);
+  last_print_ = Clock::now() - std::chrono::hours(1);
 }
 
 Progress::~Progress() {
@@ -43,7 +48,8 @@ void Progress::update(std::size_t done, const std::string& note) {
   const auto interval = terminal_ ? options_.terminal_interval : options_.log_interval;
   if (finished_ || Clock::now() - last_print_ < interval) return;
   const double taken = seconds_since(start_);
-  std::string line = fmt::format("{}: {}/{}, {}", label_, done, total_, duration_text(taken));
+  std::string line =
+      fmt::format("{}: {}, {}", label_, count_text(done, total_), duration_text(taken));
   if (done > 0 && done < total_) {
     const double left = taken / static_cast<double>(done) * static_cast<double>(total_ - done);
     line += fmt::format(", {} left", duration_text(left));
@@ -55,8 +61,8 @@ void Progress::update(std::size_t done, const std::string& note) {
 void Progress::finish(const std::string& note) {
   if (finished_) return;
   finished_ = true;
-  std::string line =
-      fmt::format("{}: {}/{} in {}", label_, done_, total_, duration_text(seconds_since(start_)));
+  std::string line = fmt::format("{}: {} in {}", label_, count_text(done_, total_),
+                                 duration_text(seconds_since(start_)));
   if (!note.empty()) line += ", " + note;
   print(line, true);
 }

@@ -14,6 +14,8 @@ class Progress {
     std::chrono::milliseconds terminal_interval{100};
     std::chrono::milliseconds log_interval{10000};
     bool quiet = false;  ///< print nothing
+    /// When the work began, if that was before the construction.
+    std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
   };
 
   Progress(std::string label, std::size_t total, Options options);
@@ -22,7 +24,7 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// `done` of `total`; `note` is appended ("error 0.0123").
+  /// `done` of `total` (0: not known); `note` is appended ("error 0.0123").
   void update(std::size_t done, const std::string& note = {});
   /// The last line, with the time taken. Called by the destructor if not before.
   void finish(const std::string& note = {});

@@ -255,7 +255,7 @@ class Fit {
       overlap += frame.overlap_pixels;
     }
     if (overlap < 0.7 * masked)
-      result_.warnings.push_back(
+      result_.remarks.push_back(
           fmt::format("{}: only {:.0f} % of the measured folds have a simulated counterpart",
                       problem_.trials()[i]->capture.name, 100 * overlap / masked));
   }

@@ -74,6 +74,7 @@ struct FitResult {
   std::uint64_t seed = 0;
   bool stopped = false;               ///< by a signal or the observer: the best so far, not the end
   std::vector<std::string> warnings;  ///< parameters at a bound or not determined, diverged runs
+  std::vector<std::string> remarks;   ///< further ones, about how far the captures were compared
 };
 
 /// Fits the free parameters of `problem`. Deterministic for a seed and options, whatever the number
