@@ -190,7 +190,7 @@ LeastSquaresFitOptions small_fit() {
   LeastSquaresFitOptions options;
   options.screening_points = 4;
   options.screening_frames = 2;
-  options.stages = {{2, 2, 4, 4, 1}, {0, 1, 8, 2, 1}};
+  options.stages = {{2, 2, 4, 4, 1, 0.05}, {0, 1, 8, 2, 1, 0}};
   options.refine.generations = 0;
   return options;
 }
@@ -228,7 +228,7 @@ TEST_F(LinearizeTest, AFitRecoversTheFabric) {
 TEST_F(LinearizeTest, AFitIsTheSameForAnyThreadsAndGoesThroughTheStore) {
   EvaluationStore store(root_ / "evaluations.sqlite");
   LeastSquaresFitOptions options = small_fit();
-  options.stages = {{2, 1, 2, 4, 1}, {0, 1, 2, 2, 1}};
+  options.stages = {{2, 1, 2, 4, 1, 0.05}, {0, 1, 2, 2, 1, 0}};
   options.refine.generations = 1;
   options.threads = 1;
   const FitResult one = run_least_squares_fit(problem(), options, &store);
@@ -253,6 +253,8 @@ TEST_F(LinearizeTest, AFitRejectsBadOptions) {
   for (const auto& spoil : {+[](LeastSquaresFitOptions& o) { o.stages.clear(); },
                             +[](LeastSquaresFitOptions& o) { o.stages[0].survivors = 0; },
                             +[](LeastSquaresFitOptions& o) { o.stages[0].frames = -1; },
+                            +[](LeastSquaresFitOptions& o) { o.stages[0].pull = -1; },
+                            +[](LeastSquaresFitOptions& o) { o.screening_parameters = {"bend"}; },
                             +[](LeastSquaresFitOptions& o) { o.screening_points = -1; },
                             +[](LeastSquaresFitOptions& o) { o.screening_frames = -1; }}) {
     LeastSquaresFitOptions options = small_fit();

@@ -57,9 +57,12 @@ class LeastSquaresFit {
       throw Error("least squares needs trials; this problem has an evaluator of its own");
     if (options.screening_points < 0) throw Error("screening_points must not be negative");
     if (options.screening_frames < 0) throw Error("screening_frames must not be negative");
+    for (const std::string& name : options.screening_parameters)
+      parameter_index(problem.initial().model, name);  // throws for an unknown one
     if (options.stages.empty()) throw Error("least squares needs at least one stage");
     for (const FitStage& stage : options.stages) {
       if (stage.frames < 0) throw Error("frames of a stage must not be negative");
+      if (!(stage.pull >= 0)) throw Error("the pull of a stage must not be negative");
       if (stage.survivors < 1) throw Error("a stage needs at least one survivor");
     }
     result_.seed = options.seed;
@@ -113,10 +116,15 @@ class LeastSquaresFit {
     note("start", middle, 0, stored.evaluation, 1, 1);
   }
 
-  VecX first_guess() const {
+  /// Where parameters stay that nothing determines.
+  VecX reference() const {
     if (options_.start == FitOptions::Start::initial)
       return problem_.scaled(problem_.initial()).cwiseMax(0).cwiseMin(1);
-    VecX scaled = VecX::Constant(problem_.dimension(), 0.5);
+    return VecX::Constant(problem_.dimension(), 0.5);
+  }
+
+  VecX first_guess() const {
+    VecX scaled = reference();
     if (options_.start == FitOptions::Start::random) {
       Rng rng(options_.seed, 1);
       for (double& coordinate : scaled) coordinate = rng.uniform();
@@ -128,9 +136,15 @@ class LeastSquaresFit {
   std::vector<Candidate> screen() {
     std::vector<Candidate> candidates{{first_guess(), 0}};
     if (options_.screening_points == 0 || stopped_) return candidates;
-    for (VecX& point :
-         latin_hypercube(options_.screening_points, problem_.dimension(), options_.seed))
-      candidates.push_back({std::move(point), kInfinity});
+    std::vector<Eigen::Index> dimensions;
+    for (const std::string& name : options_.screening_parameters)
+      if (const int i = problem_.index_of(name); i >= 0) dimensions.push_back(i);
+    if (dimensions.empty()) return candidates;
+    for (const VecX& point : latin_hypercube(options_.screening_points,
+                                             static_cast<int>(dimensions.size()), options_.seed)) {
+      candidates.push_back({reference(), kInfinity});
+      candidates.back().scaled(dimensions) = point;
+    }
     std::vector<StoredEvaluation> evaluations(candidates.size());
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
       evaluations[i] = evaluate_stored(problem_, problem_.fabric(candidates[i].scaled),
@@ -189,8 +203,14 @@ class LeastSquaresFit {
   void improve(const FitStage& stage, Candidate& candidate) {
     const LinearizationOptions options = linearization_of(stage);
     const std::string phase = phase_of(stage);
+    const VecX origin = reference();
+    double pull = -1;  // set by the first linearization
     const auto linearized = [&](const VecX& scaled) {
-      const ProblemLinearization found = linearize(problem_, scaled, options);
+      ProblemLinearization found = linearize(problem_, scaled, options);
+      if (pull < 0) pull = std::isfinite(found.model.cost) ? stage.pull * found.model.cost : 0;
+      found.model.cost += pull * (scaled - origin).squaredNorm();
+      found.model.gradient += 2 * pull * (scaled - origin);
+      found.model.hessian.diagonal().array() += 2 * pull;
       if (phase == phase_of(options_.stages.back()) && result_.start.error == 0)
         result_.start = found.evaluation;
       return found.model;
@@ -200,7 +220,7 @@ class LeastSquaresFit {
       if (store_)
         store_->add(problem_, problem_.fabric(scaled), stage.frames, phase, found.evaluation);
       note(phase, scaled, stage.frames, found.evaluation, 0, 0);
-      return found.cost;
+      return found.cost + pull * (scaled - origin).squaredNorm();
     };
     LeastSquaresOptions solver = options_.solver;
     solver.max_iterations = stage.max_iterations;

@@ -14,14 +14,23 @@ struct FitStage {
   int max_iterations = 10;
   double silhouette_sigma = 3;  ///< px
   double fold_scale = 1;        ///< rad
+  /// The cost is raised by this part of its value for every unit of squared distance from the
+  /// middle of the ranges (scaled coordinates; from the initial fabric with Start::initial): what
+  /// few frames do not determine stays out of the corners, from where later frames would have to
+  /// fetch it back.
+  double pull = 0.05;
 };
 
 struct LeastSquaresFitOptions {
-  /// A Latin hypercube of this many points over the ranges, and the start itself, are compared on
-  /// `screening_frames` frames; 0: no screening.
-  int screening_points = 24;
-  int screening_frames = 10;
-  std::vector<FitStage> stages{{10, 4, 6, 6, 1}, {25, 2, 8, 4, 1}, {0, 1, 15, 3, 1}};
+  /// A Latin hypercube of this many points over `screening_parameters` (where free; the others as
+  /// the pull has them) and the start itself are compared on `screening_frames` frames; 0: no
+  /// screening.
+  int screening_points = 15;
+  int screening_frames = 5;
+  std::vector<std::string> screening_parameters{"bend_stiffness", "stretch_stiffness",
+                                                "shear_stiffness"};
+  std::vector<FitStage> stages{
+      {10, 3, 5, 6, 1, 0.05}, {25, 2, 6, 4, 1, 0.05}, {0, 1, 8, 3, 1, 0.05}};
   RefineOptions refine;  ///< after the stages; its seed and threads are overwritten
   FitOptions::Start start = FitOptions::Start::middle;
   LeastSquaresOptions solver;          ///< its max_iterations is that of the stage

@@ -28,7 +28,7 @@ struct LinearizationOptions {
   /// and say nothing about steps of a useful size (the distance over which they hold shrinks as
   /// they grow). A direction with motion m counts by 1 / (1 + (m / this)^2) in its frame; infinity:
   /// fully.
-  double unstable_motion = 0.4;
+  double unstable_motion = 2;
 };
 
 /// The cost of a fabric: like ProblemEvaluation::error (the mean over the trials, per masked pixel,

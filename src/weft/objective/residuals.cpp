@@ -105,8 +105,8 @@ struct FrameResiduals::Impl {
                                const MatX& directions);
 
  private:
-  void collect_folds(const FrameFeatures& measured, const AngleMap& simulated);
-  void collect_outlines(const FrameFeatures& measured, const Mask& silhouette);
+  double collect_folds(const FrameFeatures& measured, const AngleMap& simulated);
+  double collect_outlines(const FrameFeatures& measured, const Mask& silhouette);
   double fastest_motion(const Points& x, Eigen::Ref<const VecX> direction) const;
   void differentiate_stripes(const Points& x, const MatX& directions);
   void follow_folds(const Points& x, const MatX& directions);
@@ -118,6 +118,7 @@ struct FrameResiduals::Impl {
   Projection camera_;
   int width_, height_;
   ResidualOptions options_;
+  double share_;  ///< pixels that one with derivatives stands for
   Renderer renderer_;
   AngleMapper mapper_;
   detail::StripeMotion motion_;
@@ -145,6 +146,7 @@ FrameResiduals::Impl::Impl(const Rig& rig, const TriangleMesh& mesh, const Rende
       width_(rig.width),
       height_(rig.height),
       options_(given),
+      share_(double(given.stride) * given.stride),
       renderer_(rig, mesh, render),
       mapper_(rig.width, rig.height, angle_map),
       motion_(rig, mesh),
@@ -160,54 +162,64 @@ FrameCost FrameResiduals::Impl::look(const FrameFeatures& measured, const Points
   result.error = compare(measured, simulated, image.silhouette);
   residuals_.clear();
   weights_.clear();
-  collect_folds(measured, simulated);
-  const double s2 = options_.fold_scale * options_.fold_scale;
-  for (const double r : residuals_) {
-    const double u = r * r / s2;
-    result.cost += std::isinf(s2) ? r * r : s2 * std::log1p(u);
-    weights_.push_back(1 / (1 + u));
-  }
-  collect_outlines(measured, image.silhouette);
-  for (std::size_t i = pixels_.size(); i < residuals_.size(); ++i) {
-    result.cost += options_.alpha * residuals_[i] * residuals_[i];
-    weights_.push_back(options_.alpha);
-  }
+  result.cost = collect_folds(measured, simulated) + collect_outlines(measured, image.silhouette);
   return result;
 }
 
-void FrameResiduals::Impl::collect_folds(const FrameFeatures& measured, const AngleMap& simulated) {
+/// Returns their cost.
+double FrameResiduals::Impl::collect_folds(const FrameFeatures& measured,
+                                           const AngleMap& simulated) {
   pixels_.clear();
   angles_.clear();
-  for (Eigen::Index i = 0; i < simulated.angle.size(); ++i) {
-    if (!(measured.fold_mask.data()[i] & measured.angles.valid.data()[i] &
-          simulated.valid.data()[i]))
-      continue;
-    const float angle = simulated.angle.data()[i];
-    pixels_.push_back(i);
-    angles_.push_back(angle);
-    residuals_.push_back(double(orientation_difference(angle, measured.angles.angle.data()[i])));
+  const bool plain = std::isinf(options_.fold_scale);
+  const double s2 = options_.fold_scale * options_.fold_scale;
+  double cost = 0;
+  for (int row = 0; row < height_; ++row) {
+    for (int column = 0; column < width_; ++column) {
+      const Eigen::Index i = Eigen::Index(row) * width_ + column;
+      if (!(measured.fold_mask.data()[i] & measured.angles.valid.data()[i] &
+            simulated.valid.data()[i]))
+        continue;
+      const float angle = simulated.angle.data()[i];
+      const double r = double(orientation_difference(angle, measured.angles.angle.data()[i]));
+      cost += plain ? r * r : s2 * std::log1p(r * r / s2);
+      if (row % options_.stride != 0 || column % options_.stride != 0) continue;
+      pixels_.push_back(i);
+      angles_.push_back(angle);
+      residuals_.push_back(r);
+      weights_.push_back(share_ / (1 + (plain ? 0 : r * r / s2)));
+    }
   }
+  return cost;
 }
 
-void FrameResiduals::Impl::collect_outlines(const FrameFeatures& measured, const Mask& silhouette) {
+/// Returns their cost.
+double FrameResiduals::Impl::collect_outlines(const FrameFeatures& measured,
+                                              const Mask& silhouette) {
   outline_.clear();
-  if (options_.alpha == 0) return;
+  if (options_.alpha == 0) return 0;
   box_ =
       grown(enclosing(detail::bounding_box(measured.silhouette), detail::bounding_box(silhouette)),
             margin_, width_, height_);
-  if (box_.empty()) return;
+  if (box_.empty()) return 0;
   measured_coverage_.blur(measured.silhouette, box_);
   coverage_.blur(silhouette, box_);
+  double cost = 0;
   for (int i = 0; i < box_.height(); ++i) {
     const float* seen = measured_coverage_.row(i);
     const float* simulated = coverage_.row(i);
+    const bool sampled = (box_.y0 + i) % options_.stride == 0;
     for (int j = 0; j < box_.width(); ++j) {
       const float s = simulated[j], difference = s - seen[j];
+      cost += double(difference * difference);
+      if (!sampled || (box_.x0 + j) % options_.stride != 0) continue;
       if (std::abs(difference) < kCoverageFloor && std::min(s, 1 - s) < kCoverageFloor) continue;
       outline_.push_back({i, j, s});
       residuals_.push_back(double(difference));
+      weights_.push_back(share_ * options_.alpha);
     }
   }
+  return options_.alpha * cost;
 }
 
 /// Of the vertices along `direction`, px per unit; motion along the ray counts like motion across
@@ -357,6 +369,7 @@ FrameResiduals::FrameResiduals(const Rig& rig, const TriangleMesh& mesh,
   require(options.fold_scale > 0, "fold_scale", options.fold_scale, "above 0 rad");
   require(options.silhouette_sigma > 0 && options.silhouette_sigma <= 64, "silhouette_sigma",
           options.silhouette_sigma, "above 0 and at most 64 px");
+  require(options.stride >= 1 && options.stride <= 16, "stride", options.stride, "1 to 16");
   require(options.image_step > 0 && options.image_step <= 16, "image_step", options.image_step,
           "above 0 and at most 16 px");
   require(options.largest_turn > 0, "largest_turn", options.largest_turn, "above 0 rad/px");

@@ -32,6 +32,9 @@ struct ResidualOptions {
   double alpha = 0.1;           ///< weight of the silhouette (equation 8), >= 0
   double fold_scale = 1;        ///< s of Cauchy's loss, rad; > 0, infinity: plain squares
   double silhouette_sigma = 3;  ///< px, (0, 64]
+  /// Derivatives are taken at every so many-th pixel along each axis, and count for all; 1 to 16.
+  /// The filters make neighbours nearly equal.
+  int stride = 2;
   enum class Derivatives {
     analytic,     ///< of the stripes on the moving mesh (residuals_motion.h)
     differences,  ///< of rendered and filtered images: an image a direction
