@@ -1,71 +1,147 @@
 /// How well can the model explain a capture at all? Fits all nine parameters to the true surface
-/// itself (mean distance at the same (u, v) over the fit frames), from the same start surface as a
-/// video fit, and prints what is left: the part of a fit's distance that is the model's.
+/// itself (least squares of the distance at the same (u, v) over the fit frames), from the same
+/// start surface as a video fit, and prints what is left: the part of a fit's distance that is the
+/// model's.
 ///
-///     weft_truth_fit CAPTURE FABRIC_OUT [EVALUATIONS] [GRID]
+///     weft_truth_fit CAPTURE FABRIC_OUT [START ...]
+///
+/// START: fabrics to start from (presets or files); the best end counts. Default: the middle of the
+/// ranges.
 #include <fmt/core.h>
 
-#include <cstdlib>
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string>
 
 #include "weft/base/error.h"
-#include "weft/base/progress.h"
+#include "weft/dynamics/sensitivity.h"
 #include "weft/estimate/evaluate_capture.h"
-#include "weft/estimate/optimize.h"
+#include "weft/estimate/least_squares.h"
+#include "weft/estimate/linearize_trial.h"
 
 namespace {
 
 using namespace weft;
 
-/// Mean distance over the frames of a trajectory, m; infinity if it diverged.
-double mean_distance(const Scene& scene, const Fabric& fabric, const SimulationOptions& options,
-                     const TruthSurface& truth) {
-  const Trajectory trajectory = simulate(scene, fabric, options);
-  if (trajectory.diverged) return std::numeric_limits<double>::infinity();
-  double sum = 0;
-  for (std::size_t k = 0; k < trajectory.frames.size(); ++k) {
-    sum += distance_to_truth(scene.mesh, trajectory.frames[k], truth, static_cast<int>(k)).mean;
+/// Where snapping makes derivatives larger than this (m rms per range), they say nothing about
+/// steps of a useful size and count less.
+constexpr double kUnstableMotion = 0.5;
+
+class TruthFit {
+ public:
+  TruthFit(const Problem& problem, const TruthSurface& truth)
+      : problem_(problem), scene_(problem.trials().front()->scene) {
+    const MaterialLocator locator(truth.mesh);
+    for (const Points& frame : truth.frames)
+      target_.push_back(interpolate(truth.mesh, locator, frame, scene_.mesh.material));
+    weights_ = vertex_areas(scene_.mesh);
+    weights_ /= weights_.sum();
+    for (int i = 0; i < problem.dimension(); ++i) {
+      parameters_.push_back(parameter_index(problem.initial().model, problem.info(i).name));
+    }
   }
-  return sum / static_cast<double>(trajectory.frames.size());
-}
+
+  /// The first frames, then all: the swings of the later ones have many wrong valleys.
+  LeastSquaresResult fit(VecX start) const {
+    const auto all = scene_.frame_times.size();
+    LeastSquaresResult result;
+    for (const std::size_t frames : {all / 3, all}) {
+      const Scene scene = first_frames(std::max<std::size_t>(frames, 1));
+      LeastSquaresOptions options;
+      options.max_iterations = 25;
+      result = minimize_least_squares([&](const VecX& x) { return linearize(scene, x); },
+                                      [&](const VecX& x) { return cost(scene, x); }, start,
+                                      VecX::Zero(start.size()), VecX::Ones(start.size()), options);
+      start = result.x;
+    }
+    return result;
+  }
+
+ private:
+  Scene first_frames(std::size_t count) const {
+    Scene scene = scene_;
+    scene.frame_times.resize(count);
+    return scene;
+  }
+
+  /// Mean squared distance over surface and frames, m^2.
+  double squared_distance(const Points& x, std::size_t frame) const {
+    return (x - target_[frame]).colwise().squaredNorm().dot(weights_.transpose());
+  }
+
+  double cost(const Scene& scene, const VecX& scaled) const {
+    const Trajectory motion = simulate(scene, problem_.fabric(scaled));
+    if (motion.diverged) return std::numeric_limits<double>::infinity();
+    double sum = 0;
+    for (std::size_t k = 0; k < motion.frames.size(); ++k)
+      sum += squared_distance(motion.frames[k], k);
+    return sum / static_cast<double>(motion.frames.size());
+  }
+
+  QuadraticModel linearize(const Scene& scene, const VecX& scaled) const {
+    const auto n = scaled.size();
+    const TrajectoryWithSensitivities motion =
+        simulate_with_sensitivities(scene, problem_.fabric(scaled), parameters_);
+    QuadraticModel model{0, VecX::Zero(n), MatX::Zero(n, n)};
+    if (motion.trajectory.diverged) {
+      model.cost = std::numeric_limits<double>::infinity();
+      return model;
+    }
+    VecX slopes(n);
+    for (Eigen::Index i = 0; i < n; ++i)
+      slopes[i] = scaled_slope(problem_.info(static_cast<int>(i)), scaled[i]);
+    const auto count = motion.trajectory.frames.size();
+    for (std::size_t k = 0; k < count; ++k) {
+      model.cost += squared_distance(motion.trajectory.frames[k], k) / static_cast<double>(count);
+      const Points difference = motion.trajectory.frames[k] - target_[k];
+      const MatX jacobian = motion.sensitivities.x[k].leftCols(n) * slopes.asDiagonal();
+      VecX weight(difference.size());
+      for (Eigen::Index i = 0; i < weight.size(); ++i) weight[i] = weights_[i / 3];
+      const MatX weighted = weight.asDiagonal() * jacobian;
+      const double motion_squared = jacobian.cwiseProduct(weighted).sum();
+      const double trust = 2 / (1 + motion_squared / (kUnstableMotion * kUnstableMotion)) /
+                           static_cast<double>(count);
+      model.gradient += trust * weighted.transpose() * flat(difference);
+      model.hessian += trust * weighted.transpose() * jacobian;
+    }
+    return model;
+  }
+
+  const Problem& problem_;
+  Scene scene_;
+  std::vector<Points> target_;  // the truth at the mesh's vertices
+  VecX weights_;
+  std::vector<int> parameters_;
+};
 
 int run(int argc, char** argv) {
-  if (argc < 3) throw Error("usage: weft_truth_fit CAPTURE FABRIC_OUT [EVALUATIONS] [GRID]");
+  if (argc < 3) throw Error("usage: weft_truth_fit CAPTURE FABRIC_OUT [START ...]");
   const Capture capture = read_capture(argv[1]);
   if (!capture.truth) throw Error(std::string(argv[1]) + ": has no [truth]");
-  TrialOptions options;
-  if (argc > 4) options.columns = options.rows = std::atoi(argv[4]);
   const TruthSurface truth = read_truth(capture);
-  const auto fit = prepare_trial(capture, capture.fit_first, capture.fit_last, options);
+  const auto trial = prepare_trial(capture, capture.fit_first, capture.fit_last, {});
   std::vector<std::string> free;
   for (const ParameterInfo& p : baraff_witkin_parameters()) free.emplace_back(p.name);
-  const Problem problem({fit}, Fabric::with_defaults("truth fit"), free);
-  const ErrorFunction error = [&](const VecX& scaled) {
-    return mean_distance(fit->scene, problem.fabric(scaled), options.simulation, truth);
-  };
-  CoarseOptions coarse;
-  coarse.dimensions = {0, 1, 2};
-  Progress progress("coarse", 64);
-  const SearchResult grid =
-      coarse_search(error, problem.scaled(problem.initial()), coarse,
-                    [&](std::size_t done, double, double best, double) {
-                      progress.update(done, fmt::format("best {:.2f} mm", 1e3 * best));
-                      return true;
-                    });
-  progress.finish();
-  AnnealingOptions annealing;
-  annealing.max_evaluations = argc > 3 ? static_cast<std::size_t>(std::atol(argv[3])) : 400;
-  Progress anneal_progress("anneal", annealing.max_evaluations);
-  const SearchResult found =
-      anneal(error, grid.best, annealing, [&](std::size_t done, double, double best, double) {
-        anneal_progress.update(done, fmt::format("best {:.2f} mm", 1e3 * best));
-        return true;
-      });
-  anneal_progress.finish();
-  const Fabric fabric = problem.fabric(found.best);
+  const Problem problem({trial}, Fabric::with_defaults("truth fit"), free);
+  const TruthFit truth_fit(problem, truth);
+
+  std::vector<VecX> starts;
+  for (int i = 3; i < argc; ++i)
+    starts.push_back(problem.scaled(find_fabric(argv[i])).cwiseMax(0).cwiseMin(1));
+  if (starts.empty()) starts.push_back(VecX::Constant(problem.dimension(), 0.5));
+  LeastSquaresResult best;
+  best.cost = std::numeric_limits<double>::infinity();
+  for (const VecX& start : starts) {
+    const LeastSquaresResult found = truth_fit.fit(start);
+    fmt::print(stderr, "{:.2f} mm rms after {} linearizations, {} simulations\n",
+               1e3 * std::sqrt(found.cost), found.iterations, found.evaluations);
+    if (found.cost < best.cost) best = found;
+  }
+  if (!std::isfinite(best.cost)) throw Error("every simulation diverged");
+  const Fabric fabric = problem.fabric(best.x);
   write_fabric(argv[2], fabric);
-  const auto all = prepare_trial(capture, capture.fit_first, capture.frame_count - 1, options);
+  const auto all = prepare_trial(capture, capture.fit_first, capture.frame_count - 1, {});
   const CaptureEvaluation e = evaluate_capture(*all, fabric, true);
   fmt::print("{}: distance fit {:.2f} mm, error per frame {:.4g}", capture.name,
              1e3 * e.fit.distance->mean, e.fit.error);
