@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "apps/child_process.h"
+#include "common/temporary_folder.h"
 
 namespace weft {
 
@@ -27,14 +28,7 @@ inline std::string text_of(const std::filesystem::path& path) {
 /// A folder of its own for each test, removed afterwards, that holds the program's cache too.
 class ProgramTest : public testing::Test {
  protected:
-  void SetUp() override {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              ("weft_program_" + std::string(test->name()) + std::to_string(getpid()));
-    std::filesystem::create_directories(folder_);
-    setenv("XDG_CACHE_HOME", (folder_ / "cache").c_str(), 1);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
+  void SetUp() override { setenv("XDG_CACHE_HOME", (folder_ / "cache").c_str(), 1); }
 
   static std::vector<std::string> command(const std::vector<std::string>& arguments) {
     std::vector<std::string> words{WEFT_PROGRAM};
@@ -74,7 +68,8 @@ class ProgramTest : public testing::Test {
     write(name, text.replace(at, before.size(), after));
   }
 
-  std::filesystem::path folder_;
+  test::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
 };
 
 }  // namespace weft

@@ -1,12 +1,12 @@
 #pragma once
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>
 
+#include "common/temporary_folder.h"
 #include "weft/base/error.h"
 #include "weft/capture/capture.h"
 
@@ -21,16 +21,11 @@ inline std::filesystem::path bundled_capture() {
 class TemporaryCapture : public testing::Test {
  protected:
   void SetUp() override {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              ("weft_" + std::string(test->name()) + std::to_string(getpid()));
-    std::filesystem::create_directories(folder_);
     for (const char* name : {"capture.toml", "corners.csv"}) {
       write(name, text_of(bundled_capture() / name));
     }
     write("video.mp4", "");
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
 
   static std::string text_of(const std::filesystem::path& path) {
     std::ifstream stream(path, std::ios::binary);
@@ -70,7 +65,8 @@ class TemporaryCapture : public testing::Test {
     return result;
   }
 
-  std::filesystem::path folder_;
+  test::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
 };
 
 }  // namespace weft

@@ -1,12 +1,12 @@
 #include "weft/estimate/evaluation_store.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <limits>
 
+#include "common/temporary_folder.h"
 #include "estimate/analytic_problem.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
@@ -16,15 +16,8 @@ namespace {
 
 class EvaluationStoreTest : public testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              (std::string("weft-store-") + info->name() + "-" + std::to_string(::getpid()));
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  std::filesystem::path folder_;
+  test::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
   Problem problem_ =
       analytic_problem({"bend_stiffness"}, [](const VecX& scaled) { return scaled[0]; });
 };

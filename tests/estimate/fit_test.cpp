@@ -1,13 +1,13 @@
 #include "weft/estimate/fit.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
 #include <filesystem>
 #include <limits>
 
+#include "common/temporary_folder.h"
 #include "estimate/analytic_problem.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
@@ -125,9 +125,8 @@ TEST(RunFit, OneFinalistIsTheMinimumOfTheCoarseSearch) {
 }
 
 TEST(RunFit, AKilledRunContinuesFromItsStore) {
-  const auto folder =
-      std::filesystem::path(testing::TempDir()) / ("weft-fit-resume-" + std::to_string(::getpid()));
-  std::filesystem::create_directories(folder);
+  const test::TemporaryFolder temporary;
+  const auto& folder = temporary.path();
   std::atomic<int> calls = 0;
   const Problem problem = bowl(&calls);
   FitOptions options = quick();
@@ -158,7 +157,6 @@ TEST(RunFit, AKilledRunContinuesFromItsStore) {
   calls = 0;
   expect_same(whole, run_fit(problem, options, &store));
   EXPECT_EQ(calls, 0);
-  std::filesystem::remove_all(folder);
 }
 
 TEST(RunFit, StopsWithTheBestSoFar) {

@@ -1,13 +1,13 @@
 #include "weft/estimate/linearize_trial.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
 #include <limits>
 
 #include "common/difference_sensitivities.h"
+#include "common/temporary_folder.h"
 #include "weft/base/error.h"
 #include "weft/estimate/least_squares_fit.h"
 #include "weft/estimate/synthetic.h"
@@ -28,8 +28,8 @@ Fabric true_fabric() {
 class LinearizeTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    root_ = std::filesystem::path(testing::TempDir()) /
-            ("weft-linearize-" + std::to_string(::getpid()));
+    folder_ = std::make_unique<test::TemporaryFolder>();
+    root_ = folder_->path();
     LayoutOptions layout;
     layout.width = layout.height = 0.3;
     layout.image_width = 160;
@@ -53,7 +53,7 @@ class LinearizeTest : public testing::Test {
   static void TearDownTestSuite() {
     trial_.reset();
     later_.reset();
-    std::filesystem::remove_all(root_);
+    folder_.reset();
   }
 
   static Problem problem() {
@@ -67,6 +67,7 @@ class LinearizeTest : public testing::Test {
     return problem().scaled(fabric);
   }
 
+  static inline std::unique_ptr<test::TemporaryFolder> folder_;
   static inline std::filesystem::path root_;
   static inline std::shared_ptr<const Trial> trial_, later_;
 };

@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -7,6 +6,7 @@
 #include <fstream>
 #include <limits>
 
+#include "common/temporary_folder.h"
 #include "weft/base/error.h"
 #include "weft/estimate/cross.h"
 #include "weft/estimate/evaluate_capture.h"
@@ -52,8 +52,8 @@ Fabric test_fabric() {
 class TrialTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    root_ =
-        std::filesystem::path(testing::TempDir()) / ("weft-trial-" + std::to_string(::getpid()));
+    folder_ = std::make_unique<test::TemporaryFolder>();
+    root_ = folder_->path();
     SyntheticOptions options;
     options.columns = options.rows = 17;
     options.simulation.steps_per_frame = 4;
@@ -66,9 +66,10 @@ class TrialTest : public testing::Test {
     trial_.reset();
     first_.reset();
     capture_.reset();
-    std::filesystem::remove_all(root_);
+    folder_.reset();
   }
 
+  static inline std::unique_ptr<test::TemporaryFolder> folder_;
   static inline std::filesystem::path root_;
   static inline std::unique_ptr<Capture> capture_;
   static inline std::shared_ptr<const Trial> trial_;  ///< all frames

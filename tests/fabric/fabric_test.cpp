@@ -9,6 +9,7 @@
 #include <fstream>
 #include <set>
 
+#include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
 namespace weft {
@@ -180,7 +181,8 @@ TEST(FabricFile, BadInputNamesFileKeyAndReason) {
 }
 
 TEST(FabricFile, FilesOnDisk) {
-  const auto path = std::filesystem::temp_directory_path() / "weft_fabric_test.toml";
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "fabric.toml";
   write_fabric(path, find_fabric("knit-static-2"));
   EXPECT_EQ(read_fabric(path).values, find_fabric("knit-static-2").values);
   EXPECT_EQ(find_fabric(path.string()).name, "knit-static-2");

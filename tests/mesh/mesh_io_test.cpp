@@ -2,13 +2,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstring>
 #include <fstream>
 #include <iterator>
 #include <limits>
 
+#include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
 namespace weft {
@@ -20,14 +20,6 @@ using testing::HasSubstr;
 /// A folder of its own for each test, removed afterwards.
 class MeshIo : public testing::Test {
  protected:
-  void SetUp() override {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              ("weft_" + std::string(test->name()) + std::to_string(getpid()));
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   std::filesystem::path write(const std::string& name, const std::string& text) const {
     std::ofstream(folder_ / name, std::ios::binary) << text;
     return folder_ / name;
@@ -50,7 +42,8 @@ class MeshIo : public testing::Test {
     return message([&] { read_obj(path); });
   }
 
-  std::filesystem::path folder_;
+  test::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(MeshIo, ReadsAnObjAsOtherProgramsWriteIt) {

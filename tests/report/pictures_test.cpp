@@ -7,6 +7,7 @@
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 
+#include "common/temporary_folder.h"
 #include "report/sample_report.h"
 #include "weft/base/error.h"
 
@@ -152,8 +153,8 @@ TEST(Pictures, PngKeepsEveryPixelAndJpegNearly) {
 
 class PictureFiles : public testing::Test {
  protected:
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::filesystem::path folder_ = std::filesystem::temp_directory_path() / "weft_pictures_test";
+  test::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(PictureFiles, PicturesOfACaptureReadBackInOrderOfFrames) {

@@ -10,6 +10,7 @@
 #include <limits>
 #include <sstream>
 
+#include "common/temporary_folder.h"
 #include "report/xml.h"
 #include "weft/base/error.h"
 
@@ -462,14 +463,6 @@ TEST(ColourMaps, LinesStandOutFromWhite) {
 
 class PlotFiles : public testing::Test {
  protected:
-  void SetUp() override {
-    folder_ =
-        std::filesystem::temp_directory_path() /
-        (std::string("weft_plot_") + testing::UnitTest::GetInstance()->current_test_info()->name());
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   std::string read(const std::string& name) const {
     std::ifstream file(folder_ / name);
     std::ostringstream text;
@@ -487,7 +480,8 @@ class PlotFiles : public testing::Test {
     }
     return "";
   }
-  std::filesystem::path folder_;
+  test::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(PlotFiles, CsvHoldsTheDataBehindThePicture) {

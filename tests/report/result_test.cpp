@@ -8,6 +8,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "common/temporary_folder.h"
 #include "report/sample_report.h"
 #include "weft/base/error.h"
 
@@ -175,7 +176,8 @@ TEST(Result, BadFilesAreRejectedByName) {
 }
 
 TEST(Result, FilesAreWrittenAndRead) {
-  const auto path = std::filesystem::temp_directory_path() / "weft_result_test.json";
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "result.json";
   write_result(path, sample_report());
   EXPECT_EQ(result_to_json(read_result(path)), result_to_json(sample_report()));
   std::filesystem::remove(path);

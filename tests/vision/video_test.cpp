@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -11,6 +10,7 @@
 #include <opencv2/videoio.hpp>
 #include <string>
 
+#include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
 namespace weft {
@@ -22,14 +22,6 @@ using ::testing::HasSubstr;
 
 class Video : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::temp_directory_path() /
-              ("weft_video_" + std::string(test->name()) + "_" + std::to_string(::getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   /// What read_frames throws.
   std::string failure(const fs::path& path, int count) {
     try {
@@ -40,7 +32,8 @@ class Video : public ::testing::Test {
     return "nothing thrown";
   }
 
-  fs::path folder_;
+  test::TemporaryFolder temporary_;
+  fs::path folder_ = temporary_.path();
 };
 
 /// Light that differs from frame to frame and over the picture.
