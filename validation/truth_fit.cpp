@@ -1,16 +1,17 @@
 /// How well can the model explain a capture at all? Fits all nine parameters to the true surface
-/// itself (least squares of the distance at the same (u, v) over the fit frames), from the same
-/// start surface as a video fit, and prints what is left: the part of a fit's distance that is the
-/// model's.
+/// itself (least squares of the distance at the same (u, v) over the fit frames, then annealing
+/// from there), from the same start surface as a video fit, and prints what is left: the part of a
+/// fit's distance that is the model's.
 ///
-///     weft_truth_fit CAPTURE FABRIC_OUT [START ...]
+///     weft_truth_fit CAPTURE FABRIC_OUT [--grid N] [START ...]
 ///
 /// START: fabrics to start from (presets or files); the best end counts. Default: the middle of the
-/// ranges.
+/// ranges. N: vertices along each side, 25 by default.
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <string>
 
@@ -19,6 +20,7 @@
 #include "weft/estimate/evaluate_capture.h"
 #include "weft/estimate/least_squares.h"
 #include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/optimize.h"
 
 namespace {
 
@@ -27,6 +29,7 @@ using namespace weft;
 /// Where snapping makes derivatives larger than this (m rms per range), they say nothing about
 /// steps of a useful size and count less.
 constexpr double kUnstableMotion = 0.5;
+constexpr std::size_t kAnnealingEvaluations = 200;
 
 class TruthFit {
  public:
@@ -42,36 +45,9 @@ class TruthFit {
     }
   }
 
-  /// The first frames, then all: the swings of the later ones have many wrong valleys.
-  LeastSquaresResult fit(VecX start) const {
-    const auto all = scene_.frame_times.size();
-    LeastSquaresResult result;
-    for (const std::size_t frames : {all / 3, all}) {
-      const Scene scene = first_frames(std::max<std::size_t>(frames, 1));
-      LeastSquaresOptions options;
-      options.max_iterations = 25;
-      result = minimize_least_squares([&](const VecX& x) { return linearize(scene, x); },
-                                      [&](const VecX& x) { return cost(scene, x); }, start,
-                                      VecX::Zero(start.size()), VecX::Ones(start.size()), options);
-      start = result.x;
-    }
-    return result;
-  }
-
- private:
-  Scene first_frames(std::size_t count) const {
-    Scene scene = scene_;
-    scene.frame_times.resize(count);
-    return scene;
-  }
-
-  /// Mean squared distance over surface and frames, m^2.
-  double squared_distance(const Points& x, std::size_t frame) const {
-    return (x - target_[frame]).colwise().squaredNorm().dot(weights_.transpose());
-  }
-
-  double cost(const Scene& scene, const VecX& scaled) const {
-    const Trajectory motion = simulate(scene, problem_.fabric(scaled));
+  /// Mean squared distance over surface and fit frames, m^2; infinity if the motion diverged.
+  double cost(const VecX& scaled) const {
+    const Trajectory motion = simulate(scene_, problem_.fabric(scaled));
     if (motion.diverged) return std::numeric_limits<double>::infinity();
     double sum = 0;
     for (std::size_t k = 0; k < motion.frames.size(); ++k)
@@ -79,10 +55,32 @@ class TruthFit {
     return sum / static_cast<double>(motion.frames.size());
   }
 
-  QuadraticModel linearize(const Scene& scene, const VecX& scaled) const {
+  LeastSquaresResult descend(const VecX& start) const {
+    LeastSquaresOptions options;
+    options.max_iterations = 25;
+    return minimize_least_squares([this](const VecX& x) { return linearize(x); },
+                                  [this](const VecX& x) { return cost(x); }, start,
+                                  VecX::Zero(start.size()), VecX::Ones(start.size()), options);
+  }
+
+  /// The cost of swinging cloth is rough: a descent ends in the first dent.
+  SearchResult anneal_from(const VecX& start, std::size_t evaluations) const {
+    AnnealingOptions options;
+    options.max_evaluations = evaluations;
+    options.simplex_size = 0.1;
+    return anneal([this](const VecX& x) { return cost(x); }, start, options);
+  }
+
+ private:
+  /// Mean squared distance over surface and frames, m^2.
+  double squared_distance(const Points& x, std::size_t frame) const {
+    return (x - target_[frame]).colwise().squaredNorm().dot(weights_.transpose());
+  }
+
+  QuadraticModel linearize(const VecX& scaled) const {
     const auto n = scaled.size();
     const TrajectoryWithSensitivities motion =
-        simulate_with_sensitivities(scene, problem_.fabric(scaled), parameters_);
+        simulate_with_sensitivities(scene_, problem_.fabric(scaled), parameters_);
     QuadraticModel model{0, VecX::Zero(n), MatX::Zero(n, n)};
     if (motion.trajectory.diverged) {
       model.cost = std::numeric_limits<double>::infinity();
@@ -116,32 +114,45 @@ class TruthFit {
 };
 
 int run(int argc, char** argv) {
-  if (argc < 3) throw Error("usage: weft_truth_fit CAPTURE FABRIC_OUT [START ...]");
+  if (argc < 3) throw Error("usage: weft_truth_fit CAPTURE FABRIC_OUT [--grid N] [START ...]");
+  TrialOptions options;
+  std::vector<std::string> start_names(argv + 3, argv + argc);
+  if (start_names.size() >= 2 && start_names[0] == "--grid") {
+    options.columns = options.rows = std::max(3, std::atoi(start_names[1].c_str()));
+    start_names.erase(start_names.begin(), start_names.begin() + 2);
+  }
   const Capture capture = read_capture(argv[1]);
   if (!capture.truth) throw Error(std::string(argv[1]) + ": has no [truth]");
   const TruthSurface truth = read_truth(capture);
-  const auto trial = prepare_trial(capture, capture.fit_first, capture.fit_last, {});
+  const auto trial = prepare_trial(capture, capture.fit_first, capture.fit_last, options);
   std::vector<std::string> free;
   for (const ParameterInfo& p : baraff_witkin_parameters()) free.emplace_back(p.name);
   const Problem problem({trial}, Fabric::with_defaults("truth fit"), free);
   const TruthFit truth_fit(problem, truth);
 
   std::vector<VecX> starts;
-  for (int i = 3; i < argc; ++i)
-    starts.push_back(problem.scaled(find_fabric(argv[i])).cwiseMax(0).cwiseMin(1));
+  for (const std::string& name : start_names)
+    starts.push_back(problem.scaled(find_fabric(name)).cwiseMax(0).cwiseMin(1));
   if (starts.empty()) starts.push_back(VecX::Constant(problem.dimension(), 0.5));
-  LeastSquaresResult best;
-  best.cost = std::numeric_limits<double>::infinity();
+  VecX best;
+  double least = std::numeric_limits<double>::infinity();
+  const auto consider = [&](const VecX& x, double cost) {
+    if (!(cost < least)) return;
+    best = x;
+    least = cost;
+  };
   for (const VecX& start : starts) {
-    const LeastSquaresResult found = truth_fit.fit(start);
-    fmt::print(stderr, "{:.2f} mm rms after {} linearizations, {} simulations\n",
-               1e3 * std::sqrt(found.cost), found.iterations, found.evaluations);
-    if (found.cost < best.cost) best = found;
+    consider(start, truth_fit.cost(start));
+    const LeastSquaresResult found = truth_fit.descend(start);
+    consider(found.x, found.cost);
   }
-  if (!std::isfinite(best.cost)) throw Error("every simulation diverged");
-  const Fabric fabric = problem.fabric(best.x);
+  if (!std::isfinite(least)) throw Error("every simulation diverged");
+  fmt::print(stderr, "descent ends at {:.2f} mm rms\n", 1e3 * std::sqrt(least));
+  const SearchResult found = truth_fit.anneal_from(best, kAnnealingEvaluations);
+  consider(found.best, found.error);
+  const Fabric fabric = problem.fabric(best);
   write_fabric(argv[2], fabric);
-  const auto all = prepare_trial(capture, capture.fit_first, capture.frame_count - 1, {});
+  const auto all = prepare_trial(capture, capture.fit_first, capture.frame_count - 1, options);
   const CaptureEvaluation e = evaluate_capture(*all, fabric, true);
   fmt::print("{}: distance fit {:.2f} mm, error per frame {:.4g}", capture.name,
              1e3 * e.fit.distance->mean, e.fit.error);

@@ -4,10 +4,13 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <ctime>
+#include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "command_line.h"
@@ -18,12 +21,19 @@
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
+#include "weft/estimate/least_squares_fit.h"
+#include "weft/estimate/uncertainty.h"
 #include "weft/report/report_html.h"
 #include "weft/report/result.h"
 
 namespace weft::app {
 namespace {
 
+// Frames that follow each other are not independent: what the model lacks lasts for some frames.
+// The jackknife wants several blocks, though.
+constexpr int kMostFramesPerBlock = 5;
+constexpr int kLeastBlocks = 8;
+constexpr double kLargestCondition = 1e12;
 constexpr int kStoppedEarly = 130;  // as the shell reports a program ended by Ctrl-C
 const std::string kStoreName = "evaluations.sqlite";
 
@@ -33,9 +43,10 @@ struct Arguments {
   std::string initial;
   std::vector<std::string> parameters;
   std::vector<std::string> coarse = FitOptions().coarse_parameters;
+  std::string method = "auto";
   std::string start = "middle";
-  std::size_t iterations = 600;
-  double simplex = AnnealingOptions().simplex_size;
+  std::optional<std::size_t> iterations;
+  std::optional<double> simplex;
   int coarse_frames = 1;
   int coarse_levels = 4;
   std::uint64_t seed = 1;
@@ -45,20 +56,64 @@ struct Arguments {
   TrialArguments trial;
 };
 
-FitOptions fit_options(const Arguments& arguments) {
-  FitOptions options;
+/// What both methods share, over the defaults of each.
+FitOptions fit_options(const Arguments& arguments, FitOptions options) {
   options.coarse_parameters = arguments.coarse;
   options.coarse_levels = arguments.coarse_levels;
   options.coarse_frames = arguments.coarse_frames;
   options.start = arguments.start == "random"    ? FitOptions::Start::random
                   : arguments.start == "initial" ? FitOptions::Start::initial
                                                  : FitOptions::Start::middle;
-  options.annealing.max_evaluations = arguments.iterations;
-  options.annealing.simplex_size = arguments.simplex;
+  AnnealingOptions& annealing = options.annealing;
+  annealing.max_evaluations = arguments.iterations.value_or(annealing.max_evaluations);
+  annealing.simplex_size = arguments.simplex.value_or(annealing.simplex_size);
   options.with_variability = !arguments.no_variability;
   options.seed = arguments.seed;
   options.threads = arguments.trial.threads();
   return options;
+}
+
+AutoFitOptions auto_options(const Arguments& arguments) {
+  AutoFitOptions options;
+  options.annealing = fit_options(arguments, options.annealing);
+  options.least_squares.start = options.annealing.start;
+  options.least_squares.seed = arguments.seed;
+  options.least_squares.threads = arguments.trial.threads();
+  return options;
+}
+
+/// Nothing where there are no derivatives, or too few frames to tell.
+std::optional<Uncertainty> uncertainty_of(const Problem& problem, const FitResult& fit,
+                                          const TrialArguments& trial) {
+  if (fit.stopped || !std::isfinite(fit.final.error)) return {};
+  if (trial.options().simulation.integrator == Integrator::runge_kutta) return {};
+  LinearizationOptions options;
+  options.threads = trial.threads();
+  const ProblemLinearization found = linearize(problem, fit.scaled, options);
+  UncertaintyOptions how;
+  how.frames_per_cluster =
+      std::clamp(static_cast<int>(found.parts.size()) / kLeastBlocks, 1, kMostFramesPerBlock);
+  if (join_frames(found.parts, how.frames_per_cluster).size() < 2) return {};
+  return estimate_uncertainty(problem, fit.scaled, found.parts, how);
+}
+
+void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
+  if (uncertainty.condition > kLargestCondition) {
+    report.remarks.push_back(
+        fmt::format("The condition number of the problem is {:.1g}: some combination of parameters "
+                    "is not determined by the data.",
+                    uncertainty.condition));
+  }
+  for (ReportParameter& p : report.parameters) {
+    for (const ParameterInterval& interval : uncertainty.parameters) {
+      if (interval.name != p.name) continue;
+      p.determined = p.determined && interval.determined;
+      // Wider than the range of the search is no bound.
+      p.interval_lower = interval.determined ? interval.lower : 0;
+      p.interval_upper =
+          interval.determined ? interval.upper : std::numeric_limits<double>::infinity();
+    }
+  }
 }
 
 /// The fabric that holds the values which are not searched.
@@ -105,19 +160,28 @@ std::string now() {
 std::vector<std::pair<std::string, ReportValue>> settings(const Arguments& arguments,
                                                           const TrialOptions& trial) {
   const SimulationOptions& simulation = trial.simulation;
-  return {{"iterations", static_cast<std::int64_t>(arguments.iterations)},
-          {"simplex", arguments.simplex},
-          {"start", arguments.start},
-          {"coarse parameters", fmt::format("{}", fmt::join(arguments.coarse, ", "))},
-          {"coarse levels", static_cast<std::int64_t>(arguments.coarse_levels)},
-          {"coarse frames", static_cast<std::int64_t>(arguments.coarse_frames)},
-          {"grid", fmt::format("{} x {} vertices", trial.columns, trial.rows)},
-          {"integrator", std::string(name_of(simulation.integrator))},
-          {"steps per frame", static_cast<std::int64_t>(simulation.steps_per_frame)},
-          {"alpha", trial.alpha},
-          {"fold threshold (rad/px)", trial.angle_map.mask_threshold},
-          {"filter kernel radius (px)", trial.angle_map.kernel_radius},
-          {"blur sigma (px)", trial.angle_map.blur_sigma}};
+  const FitOptions annealing =
+      arguments.method == "auto" ? auto_options(arguments).annealing : fit_options(arguments, {});
+  std::vector<std::pair<std::string, ReportValue>> values{
+      {"method", arguments.method},
+      {"start", arguments.start},
+      {"iterations", static_cast<std::int64_t>(annealing.annealing.max_evaluations)},
+      {"simplex", annealing.annealing.simplex_size}};
+  if (arguments.method == "annealing") {
+    values.insert(values.end(),
+                  {{"coarse parameters", fmt::format("{}", fmt::join(arguments.coarse, ", "))},
+                   {"coarse levels", static_cast<std::int64_t>(arguments.coarse_levels)},
+                   {"coarse frames", static_cast<std::int64_t>(arguments.coarse_frames)}});
+  }
+  values.insert(values.end(),
+                {{"grid", fmt::format("{} x {} vertices", trial.columns, trial.rows)},
+                 {"integrator", std::string(name_of(simulation.integrator))},
+                 {"steps per frame", static_cast<std::int64_t>(simulation.steps_per_frame)},
+                 {"alpha", trial.alpha},
+                 {"fold threshold (rad/px)", trial.angle_map.mask_threshold},
+                 {"filter kernel radius (px)", trial.angle_map.kernel_radius},
+                 {"blur sigma (px)", trial.angle_map.blur_sigma}});
+  return values;
 }
 
 void print_result(const FitResult& fit, const Report& report,
@@ -128,6 +192,12 @@ void print_result(const FitResult& fit, const Report& report,
     if (p.variability_percent) {
       certainty = p.determined ? fmt::format("variability {:.3g} %", *p.variability_percent)
                                : "not determined by the data";
+    }
+    if (p.interval_upper) {
+      certainty += certainty.empty() ? "" : ", ";
+      certainty += std::isfinite(*p.interval_upper)
+                       ? fmt::format("{:.4g} to {:.4g}", *p.interval_lower, *p.interval_upper)
+                       : "interval unbounded";
     }
     if (p.at_bound != ReportParameter::Bound::none) {
       certainty += certainty.empty() ? "" : ", ";
@@ -212,8 +282,11 @@ void run(const Arguments& arguments) {
   const Problem problem(trials, initial, free_parameters(arguments, initial.model));
   EvaluationStore store = open_store(out, problem);
   PhaseProgress progress;
-  const FitResult fit = run_fit(problem, fit_options(arguments), &store,
-                                [&](const FitProgress& p) { return progress(p); });
+  const FitObserver observer = [&](const FitProgress& p) { return progress(p); };
+  const bool annealing = arguments.method == "annealing";
+  const FitResult fit = annealing
+                            ? run_fit(problem, fit_options(arguments, {}), &store, observer)
+                            : run_auto_fit(problem, auto_options(arguments), &store, observer);
   progress.finish();
   write_fabric(out / "fabric.toml", fit.fabric);
 
@@ -227,12 +300,15 @@ void run(const Arguments& arguments) {
     pictures.push_back(pictures_of(*all, trajectory));
   }
   Report report = report_of_fit(problem, fit, evaluations);
+  if (const auto uncertainty = uncertainty_of(problem, fit, arguments.trial))
+    add_uncertainty(*uncertainty, report);
   std::vector<std::string> names;
   for (const Capture& capture : captures) names.push_back(capture.name);
   report.title = fmt::format("Fit of {}", fmt::join(names, ", "));
   report.command = command_line();
   report.created = now();
-  report.method = "coarse search, then simulated annealing";
+  report.method = annealing ? "coarse search, then simulated annealing"
+                            : "least squares through the motion, then simulated annealing";
   report.threads = arguments.trial.threads() ? arguments.trial.threads() : hardware_threads();
   report.settings = settings(arguments, arguments.trial.options());
   write_result(out / "result.json", report);
@@ -261,14 +337,20 @@ void add_fit(CLI::App& app) {
   command->add_option("--parameters", arguments->parameters,
                       "parameters to search (default: all of the model)");
   command
+      ->add_option("--method", arguments->method,
+                   "auto: least squares through the derivatives of the motion, then annealing from "
+                   "its end; annealing: a coarse search, then annealing")
+      ->check(CLI::IsMember({"auto", "annealing"}))
+      ->capture_default_str();
+  command
       ->add_option("--start", arguments->start,
-                   "where parameters that the coarse search leaves alone start: middle (of "
-                   "their ranges), random, or initial")
+                   "where parameters start that no search places: middle (of their ranges), "
+                   "random, or initial")
       ->check(CLI::IsMember({"middle", "random", "initial"}))
       ->capture_default_str();
   command
       ->add_option("--coarse", arguments->coarse,
-                   "parameters of the coarse search; none: no coarse search")
+                   "parameters of the coarse search (--method annealing); none: no coarse search")
       ->capture_default_str();
   command->add_option("--coarse-levels", arguments->coarse_levels, "values of each")
       ->check(CLI::Range(1, 100))
@@ -276,14 +358,15 @@ void add_fit(CLI::App& app) {
   command->add_option("--coarse-frames", arguments->coarse_frames, "frames compared in it")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  command->add_option("--iterations", arguments->iterations, "evaluations of the annealing")
-      ->check(CLI::Range(1, 10000000))
-      ->capture_default_str();
+  command
+      ->add_option("--iterations", arguments->iterations,
+                   "evaluations of the annealing (default: 150 with auto, 600 with annealing)")
+      ->check(CLI::Range(1, 10000000));
   command
       ->add_option("--simplex", arguments->simplex,
-                   "edge of the annealing's first simplex, of each parameter's scaled range")
-      ->check(number_in(1e-4, 1))
-      ->capture_default_str();
+                   "edge of the annealing's first simplex, of each parameter's scaled range "
+                   "(default: 0.1 with auto, 0.25 with annealing)")
+      ->check(number_in(1e-4, 1));
   command->add_option("--seed", arguments->seed, "of everything random")
       ->check(unsigned_integer())
       ->capture_default_str();
@@ -293,7 +376,11 @@ void add_fit(CLI::App& app) {
   arguments->trial.add_to(*command);
   command->footer(
       "Example:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150");
-  command->callback([arguments] {
+  command->callback([arguments, command] {
+    for (const char* name : {"--coarse", "--coarse-levels", "--coarse-frames"}) {
+      if (arguments->method != "annealing" && command->count(name) > 0)
+        throw Error(fmt::format("{}: only with --method annealing", name));
+    }
     if (arguments->coarse == std::vector<std::string>{"none"}) arguments->coarse.clear();
     run(*arguments);
   });

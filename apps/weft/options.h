@@ -27,7 +27,7 @@ class TrialArguments {
   std::shared_ptr<const Trial> prepare(const Capture& capture, int first, int last) const;
 
  private:
-  int grid_ = 25;
+  int grid_ = 41;
   int steps_ = 4;
   std::string integrator_ = "bdf2";
   double alpha_ = 0.1;

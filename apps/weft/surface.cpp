@@ -20,7 +20,7 @@ struct Arguments {
   std::string capture;
   std::string out = "surface.obj";
   int frame = 0;
-  int grid = 25;
+  int grid = 41;
   bool json = false;
 };
 

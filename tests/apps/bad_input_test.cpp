@@ -259,7 +259,10 @@ TEST_F(BadInput, Options) {
   EXPECT_THAT(fit("--integrator", "euler"), AllOf(HasSubstr("--integrator"), HasSubstr("bdf2")));
   EXPECT_THAT(fit("--parameters", "bend"),
               AllOf(StartsWith("--parameters: "), HasSubstr("\"bend\""), HasSubstr("known: ")));
-  EXPECT_THAT(fit("--coarse", "bend"), AllOf(StartsWith("--coarse: "), HasSubstr("\"bend\"")));
+  EXPECT_THAT(refusal({"fit", capture(), "--out", path("out"), "--method", "annealing", "--coarse",
+                       "bend"}),
+              AllOf(StartsWith("--coarse: "), HasSubstr("\"bend\"")));
+  EXPECT_THAT(fit("--method", "newton"), AllOf(HasSubstr("--method"), HasSubstr("annealing")));
   EXPECT_THAT(fit("--initial", "silk"), HasSubstr("\"silk\""));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "out")) << "refused, but the folder was made";
   EXPECT_THAT(refusal({"surface", capture(), "--frame", "100"}),

@@ -73,9 +73,20 @@ class Fit : public ProgramTest {
 
   std::vector<std::string> fit(const std::string& out, const std::vector<std::string>& more,
                                const std::string& coarse = "bend_stiffness") const {
-    std::vector<std::string> words{
-        "fit", path("c"),  "--out", path(out),         "--grid", "9", "--steps-per-frame",
-        "2",   "--coarse", coarse,  "--coarse-levels", "2"};
+    std::vector<std::string> words{"fit",
+                                   path("c"),
+                                   "--out",
+                                   path(out),
+                                   "--grid",
+                                   "9",
+                                   "--steps-per-frame",
+                                   "2",
+                                   "--method",
+                                   "annealing",
+                                   "--coarse",
+                                   coarse,
+                                   "--coarse-levels",
+                                   "2"};
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }
@@ -114,6 +125,32 @@ TEST_F(Fit, StopsOnCtrlCAndContinues) {
   EXPECT_EQ(again.status(), 130) << again.err();
   EXPECT_THAT(again.err(), HasSubstr("(replayed)"));
   EXPECT_GE(rows_of(folder_ / "out/evaluations.sqlite").size(), made);
+}
+
+TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
+  const Outcome run = weft({"fit", path("c"), "--out", path("out"), "--grid", "9",
+                            "--steps-per-frame", "2", "--iterations", "10", "--no-variability"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const json found = result("out");
+  EXPECT_EQ(found["settings"]["method"], "auto");
+  EXPECT_THAT(found["method"].dump(), HasSubstr("least squares"));
+  EXPECT_LE(found["error"], found["error_initial"]);
+  for (const auto& [name, p] : found["parameters"].items()) {
+    ASSERT_TRUE(p.contains("interval_upper")) << name;
+    const bool bounded = p["interval_upper"].is_number();
+    EXPECT_EQ(bounded, p["determined"]) << name;
+    if (!bounded) {
+      EXPECT_EQ(p["interval_upper_not_finite"], "infinity") << name;
+      continue;
+    }
+    EXPECT_LE(p["interval_lower"], p["value"]) << name;
+    EXPECT_GE(p["interval_upper"], p["value"]) << name;
+  }
+  EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("90 % interval"));
+
+  const Outcome mixed = weft({"fit", path("c"), "--out", path("other"), "--coarse", "none"});
+  EXPECT_EQ(mixed.status, 2);
+  EXPECT_THAT(mixed.err, HasSubstr("--coarse: only with --method annealing"));
 }
 
 TEST_F(Fit, AKilledRunContinuesWithoutRepeatingAnEvaluation) {

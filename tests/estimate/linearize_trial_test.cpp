@@ -192,7 +192,6 @@ LeastSquaresFitOptions small_fit() {
   options.screening_points = 4;
   options.screening_frames = 2;
   options.stages = {{2, 2, 4, 4, 1, 0.05}, {0, 1, 8, 2, 1, 0}};
-  options.refine.generations = 0;
   return options;
 }
 
@@ -230,7 +229,6 @@ TEST_F(LinearizeTest, AFitIsTheSameForAnyThreadsAndGoesThroughTheStore) {
   EvaluationStore store(root_ / "evaluations.sqlite");
   LeastSquaresFitOptions options = small_fit();
   options.stages = {{2, 1, 2, 4, 1, 0.05}, {0, 1, 2, 2, 1, 0}};
-  options.refine.generations = 1;
   options.threads = 1;
   const FitResult one = run_least_squares_fit(problem(), options, &store);
   EXPECT_EQ(one.replayed, 0u);
@@ -239,6 +237,27 @@ TEST_F(LinearizeTest, AFitIsTheSameForAnyThreadsAndGoesThroughTheStore) {
   const FitResult two = run_least_squares_fit(problem(), options, &store);
   EXPECT_EQ(one.scaled, two.scaled);
   EXPECT_GE(two.replayed, 5u);  // the middle and the screening, at least
+}
+
+TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
+  AutoFitOptions options;
+  options.least_squares = small_fit();
+  options.annealing.annealing.max_evaluations = 30;
+  options.annealing.with_variability = false;
+  const FitResult descent = run_least_squares_fit(problem(), options.least_squares);
+  const FitResult whole = run_auto_fit(problem(), options);
+  EXPECT_LE(whole.final.error, descent.final.error);
+  EXPECT_EQ(whole.final.error, evaluate(problem(), whole.fabric).error);
+  EXPECT_EQ(whole.initial.error, descent.initial.error);
+  EXPECT_NEAR(whole.start.error, descent.final.error, 1e-3 * descent.final.error);
+  ASSERT_GT(whole.history.size(), descent.history.size() + 30);
+  EXPECT_EQ(whole.history[descent.history.size()].phase, "start");
+  EXPECT_EQ(whole.history.back().phase, "anneal");
+  for (std::size_t i = 0; i < whole.history.size(); ++i)
+    EXPECT_EQ(whole.history[i].evaluation, i + 1);
+
+  options.annealing.annealing.max_evaluations = 0;
+  EXPECT_EQ(run_auto_fit(problem(), options).scaled, descent.scaled);
 }
 
 TEST_F(LinearizeTest, AFitStopsWhenToldTo) {

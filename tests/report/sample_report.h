@@ -42,9 +42,13 @@ inline Report sample_report() {
   bend.upper = 1e-2;
   bend.initial = 1e-5;
   bend.variability_percent = 2.5;
+  bend.interval_lower = 0.9 * bend.value;
+  bend.interval_upper = 1.2 * bend.value;
   ReportParameter damping = bend;
   damping.name = "bend_damping";
   damping.variability_percent = infinity;
+  damping.interval_lower = 0;
+  damping.interval_upper = infinity;
   damping.determined = false;
   ReportParameter drag = bend;
   drag.name = "drag_linear";

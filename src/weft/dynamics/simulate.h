@@ -49,7 +49,7 @@ struct SimulationOptions {
   int steps_per_frame = 4;  ///< implicit integrators, 1 to 10000
   /// m, largest change of a coordinate in the last iteration. From 1e-7 to 1e-5 the motion
   /// changes less than with the step (docs/results.md).
-  double newton_tolerance = 1e-6;
+  double newton_tolerance = 1e-5;
   int max_newton_iterations = 30;
   double relative_tolerance = 1e-4;        ///< Runge-Kutta: error per step relative to the motion
   double absolute_tolerance = 1e-6;        ///< Runge-Kutta: m, and m/s

@@ -13,7 +13,7 @@ namespace {
 
 /// To be raised when the same trial and fabric give another error than before, or features are made
 /// in another way: stored evaluations and cached features of older programs are then not used.
-constexpr int kEvaluationVersion = 3;
+constexpr int kEvaluationVersion = 4;
 
 void add_options(ContentHash& hash, const TrialOptions& options) {
   hash.add(options.columns);

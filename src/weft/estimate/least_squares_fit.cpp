@@ -6,8 +6,6 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <map>
-#include <mutex>
 #include <numeric>
 
 #include "weft/base/error.h"
@@ -76,7 +74,6 @@ class LeastSquaresFit {
       if (stopped_) break;
       run_stage(stage, candidates);
     }
-    if (!stopped_) search_nearby();
     conclude();
     result_.wall_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -84,14 +81,16 @@ class LeastSquaresFit {
   }
 
  private:
-  /// Takes note of an evaluation: history, best so far, observer.
+  /// Takes note of an evaluation: history, best so far, observer. `total`: of the phase, 0 if not
+  /// known.
   void note(const std::string& phase, const VecX& scaled, int frame_count,
-            const ProblemEvaluation& evaluation, std::size_t done, std::size_t total) {
+            const ProblemEvaluation& evaluation, std::size_t total = 0) {
     ++result_.evaluations;
     result_.diverged += evaluation.diverged;
     if (phase != phase_) {
       phase_ = phase;
       phase_best_ = kInfinity;
+      phase_done_ = 0;
     }
     phase_best_ = std::min(phase_best_, evaluation.error);
     result_.history.push_back(
@@ -101,7 +100,7 @@ class LeastSquaresFit {
       result_.final = evaluation;
       best_error_ = evaluation.error;
     }
-    const FitProgress progress{result_.history.back(), done, total, result_.replayed};
+    const FitProgress progress{result_.history.back(), ++phase_done_, total, result_.replayed};
     if (observer_ && !observer_(progress)) stopped_ = true;
     if (interrupted()) stopped_ = true;
   }
@@ -113,7 +112,7 @@ class LeastSquaresFit {
     result_.replayed += stored.replayed;
     result_.initial = result_.start = stored.evaluation;
     result_.start_fabric = problem_.fabric(middle);
-    note("start", middle, 0, stored.evaluation, 1, 1);
+    note("start", middle, 0, stored.evaluation, 1);
   }
 
   /// Where parameters stay that nothing determines.
@@ -154,7 +153,7 @@ class LeastSquaresFit {
       result_.replayed += evaluations[i].replayed;
       candidates[i].cost = evaluations[i].evaluation.error;
       note("screening", candidates[i].scaled, options_.screening_frames, evaluations[i].evaluation,
-           i + 1, candidates.size());
+           candidates.size());
     }
     keep_best(candidates, static_cast<int>(candidates.size()));
     return candidates;
@@ -196,7 +195,7 @@ class LeastSquaresFit {
                           phase_of(stage), store_, options_.threads);
       result_.replayed += stored.replayed;
       candidate.cost = stored.evaluation.error;
-      note(phase_of(stage), candidate.scaled, stage.frames, stored.evaluation, 0, 0);
+      note(phase_of(stage), candidate.scaled, stage.frames, stored.evaluation);
     }
   }
 
@@ -219,7 +218,7 @@ class LeastSquaresFit {
       const ProblemCost found = evaluate_cost(problem_, scaled, options);
       if (store_)
         store_->add(problem_, problem_.fabric(scaled), stage.frames, phase, found.evaluation);
-      note(phase, scaled, stage.frames, found.evaluation, 0, 0);
+      note(phase, scaled, stage.frames, found.evaluation);
       return found.cost + pull * (scaled - origin).squaredNorm();
     };
     LeastSquaresOptions solver = options_.solver;
@@ -229,36 +228,6 @@ class LeastSquaresFit {
         minimize_least_squares(linearized, cost, candidate.scaled, VecX::Zero(n), VecX::Ones(n),
                                solver, [&](const LeastSquaresStep&) { return !stopped_; });
     candidate = {found.x, found.cost};
-  }
-
-  /// About the best point so far, in the metric of its Gauss-Newton matrix, by the paper's error.
-  void search_nearby() {
-    if (options_.refine.generations == 0 || !std::isfinite(best_error_)) return;
-    const VecX start = result_.scaled;
-    const ProblemLinearization model =
-        linearize(problem_, start, linearization_of(options_.stages.back()));
-    RefineOptions options = options_.refine;
-    options.seed = options_.seed;
-    options.threads = options_.threads;
-    // Evaluated by several threads, told in order.
-    std::mutex mutex;
-    std::map<std::vector<double>, StoredEvaluation> evaluations;
-    const auto key = [](const VecX& x) { return std::vector<double>(x.begin(), x.end()); };
-    const ErrorFunction error = [&](const VecX& scaled) {
-      const StoredEvaluation stored =
-          evaluate_stored(problem_, problem_.fabric(scaled), 0, "refine", store_, 1);
-      const std::lock_guard lock(mutex);
-      evaluations[key(scaled)] = stored;
-      return stored.evaluation.error;
-    };
-    const std::size_t total = static_cast<std::size_t>(options.generations * options.population);
-    refine(error, start, best_error_, model.model.hessian, options,
-           [&](std::size_t done, const VecX& scaled, double) {
-             const StoredEvaluation& stored = evaluations.at(key(scaled));
-             result_.replayed += stored.replayed;
-             note("refine", scaled, 0, stored.evaluation, done, total);
-             return !stopped_;
-           });
   }
 
   void conclude() {
@@ -293,6 +262,7 @@ class LeastSquaresFit {
   const FitObserver& observer_;
   std::string phase_;
   double phase_best_ = kInfinity, best_error_ = kInfinity;
+  std::size_t phase_done_ = 0;
   bool stopped_ = false;
   FitResult result_;
 };
@@ -302,6 +272,35 @@ class LeastSquaresFit {
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options,
                                 EvaluationStore* store, const FitObserver& observer) {
   return LeastSquaresFit(problem, options, store, observer).run();
+}
+
+AutoFitOptions::AutoFitOptions() {
+  annealing.annealing.max_evaluations = 150;
+  annealing.annealing.simplex_size = 0.1;
+}
+
+FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
+                       EvaluationStore* store, const FitObserver& observer) {
+  FitResult descent = run_least_squares_fit(problem, options.least_squares, store, observer);
+  const bool can_anneal = !descent.stopped && std::isfinite(descent.final.error);
+  if (!can_anneal || options.annealing.annealing.max_evaluations == 0) return descent;
+  FitOptions annealing = options.annealing;
+  annealing.start = FitOptions::Start::initial;
+  annealing.coarse_parameters.clear();
+  const Problem from_there(problem.trials(), descent.fabric, problem.free());
+  FitResult result = run_fit(from_there, annealing, store, observer);
+  result.initial = descent.initial;
+  const std::size_t before = descent.history.size();
+  for (FitStep& step : result.history) {
+    step.evaluation += before;
+    descent.history.push_back(std::move(step));
+  }
+  result.history = std::move(descent.history);
+  result.evaluations += descent.evaluations;
+  result.replayed += descent.replayed;
+  result.diverged += descent.diverged;
+  result.wall_s += descent.wall_s;
+  return result;
 }
 
 }  // namespace weft

@@ -2,7 +2,6 @@
 #include <vector>
 
 #include "weft/estimate/fit.h"
-#include "weft/estimate/least_squares_refine.h"
 #include "weft/estimate/linearize_trial.h"
 
 namespace weft {
@@ -31,7 +30,6 @@ struct LeastSquaresFitOptions {
                                                 "shear_stiffness"};
   std::vector<FitStage> stages{
       {10, 3, 5, 6, 1, 0.05}, {25, 2, 6, 4, 1, 0.05}, {0, 1, 8, 3, 1, 0.05}};
-  RefineOptions refine;  ///< after the stages; its seed and threads are overwritten
   FitOptions::Start start = FitOptions::Start::middle;
   LeastSquaresOptions solver;          ///< its max_iterations is that of the stage
   LinearizationOptions linearization;  ///< its frames, losses and threads are overwritten
@@ -41,7 +39,7 @@ struct LeastSquaresFitOptions {
 
 /// Fits the free parameters of `problem` by least squares through the derivatives of the motion,
 /// from coarse to fine: screening on a few frames, then LevenbergMarquardt stage by stage over more
-/// frames and narrower losses, then a search about its end (refine()). The estimate is the point
+/// frames and narrower losses. The estimate is the point
 /// with the smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all
 /// frames. FitResult::start is where the last stage started; there are no variability curves. Full
 /// evaluations are added to `store`, and those that are not part of a linearization are replayed
@@ -49,5 +47,20 @@ struct LeastSquaresFitOptions {
 /// of range and for a problem with an evaluator of its own.
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},
                                 EvaluationStore* store = nullptr, const FitObserver& observer = {});
+
+/// Least squares, then annealing from its end. Where cloth snaps from one shape to another the
+/// error of a long motion is rough at a scale far below what the data resolve, and a descent ends
+/// in the first dent; annealing in a simplex as small as the descent's end is certain leaves it.
+struct AutoFitOptions {
+  AutoFitOptions();  ///< sets the annealing's evaluations to 150, and its first simplex to 0.1
+
+  LeastSquaresFitOptions least_squares;
+  /// Its start and coarse search are overwritten; annealing.max_evaluations 0: no annealing.
+  FitOptions annealing;
+};
+/// History and counts are those of both parts together; FitResult::start is where least squares
+/// ended. Throws what run_least_squares_fit() and run_fit() throw.
+FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options = {},
+                       EvaluationStore* store = nullptr, const FitObserver& observer = {});
 
 }  // namespace weft

@@ -15,7 +15,7 @@ namespace weft {
 
 /// How a capture is looked at and simulated; one set for all captures of a fit.
 struct TrialOptions {
-  int columns = 25, rows = 25;  ///< vertices of the simulated swatch, 2 to 1000
+  int columns = 41, rows = 41;  ///< vertices of the simulated swatch, 2 to 1000
   AngleMapOptions angle_map;
   SimulationOptions simulation;
   RenderOptions render;

@@ -107,12 +107,12 @@ struct FrameResiduals::Impl {
  private:
   double collect_folds(const FrameFeatures& measured, const AngleMap& simulated);
   double collect_outlines(const FrameFeatures& measured, const Mask& silhouette);
-  double fastest_motion(const Points& x, Eigen::Ref<const VecX> direction) const;
+  double fastest_motion(const Points& x, const Eigen::Ref<const VecX>& direction) const;
   void differentiate_stripes(const Points& x, const MatX& directions);
   void follow_folds(const Points& x, const MatX& directions);
   void follow_outlines();
   Vec2 angle_gradient(int row, int column) const;
-  void differentiate(const Points& x, Eigen::Ref<const VecX> direction, Eigen::Index column);
+  void differentiate(const Points& x, const Eigen::Ref<const VecX>& direction, Eigen::Index column);
   Eigen::Index residual_count() const { return Eigen::Index(pixels_.size() + outline_.size()); }
 
   Projection camera_;
@@ -225,7 +225,7 @@ double FrameResiduals::Impl::collect_outlines(const FrameFeatures& measured,
 /// Of the vertices along `direction`, px per unit; motion along the ray counts like motion across
 /// it (it moves the stripes).
 double FrameResiduals::Impl::fastest_motion(const Points& x,
-                                            Eigen::Ref<const VecX> direction) const {
+                                            const Eigen::Ref<const VecX>& direction) const {
   double fastest = 0;
   for (Eigen::Index v = 0; v < x.cols(); ++v) {
     const Vec3 image = camera_ * x.col(v).homogeneous();
@@ -239,7 +239,7 @@ double FrameResiduals::Impl::fastest_motion(const Points& x,
   return std::isfinite(fastest) ? fastest : 0;
 }
 
-void FrameResiduals::Impl::differentiate(const Points& x, Eigen::Ref<const VecX> direction,
+void FrameResiduals::Impl::differentiate(const Points& x, const Eigen::Ref<const VecX>& direction,
                                          Eigen::Index column) {
   auto derivative = jacobian_.col(column);
   const double fastest = fastest_motion(x, direction);

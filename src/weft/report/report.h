@@ -29,6 +29,9 @@ struct ReportParameter {
   /// Change of the parameter, %, that raises the error by 1 % (Bhat 2003, section 5); infinity
   /// where the data do not determine it; nothing where it was not computed.
   std::optional<double> variability_percent;
+  /// 90 % interval of the value; an end that the data do not bound is infinite, or 0. Nothing where
+  /// it was not computed.
+  std::optional<double> interval_lower, interval_upper;
   bool determined = true;  ///< false: the data do not determine it; its value is no measurement
   Bound at_bound = Bound::none;
 };

@@ -250,7 +250,8 @@ std::string status(const ReportParameter& p) {
     text += p.at_bound == ReportParameter::Bound::upper ? "at upper end" : "at lower end";
   }
   if (!text.empty()) return fmt::format("<span class=\"status warn\">▲ {}</span>", text);
-  if (!p.variability_percent) return "<span class=\"status held\">not examined</span>";
+  if (!p.variability_percent && !p.interval_upper)
+    return "<span class=\"status held\">not examined</span>";
   return "<span class=\"status fine\">determined</span>";
 }
 
@@ -260,12 +261,22 @@ std::string variability_text(const ReportParameter& p) {
   return "± " + format_value(*p.variability_percent, 2) + " %";
 }
 
+std::string interval_text(const ReportParameter& p) {
+  if (!p.free || !p.interval_lower || !p.interval_upper) return "–";
+  if (!std::isfinite(*p.interval_upper)) return "unbounded";
+  return format_value(*p.interval_lower, 3) + " to " + format_value(*p.interval_upper, 3);
+}
+
 std::string found_section(const Report& report) {
   if (report.parameters.empty()) return "";
+  const bool with_intervals = std::ranges::any_of(
+      report.parameters, [](const ReportParameter& p) { return p.interval_upper.has_value(); });
   std::string html =
       "<section id=\"found\"><h2>What was found</h2>\n<table><thead><tr><th>Parameter</th>"
-      "<th class=\"n\">Value</th><th class=\"n\">Variability</th><th>Unit</th><th>Range "
-      "searched</th>"
+      "<th class=\"n\">Value</th>";
+  if (with_intervals) html += "<th class=\"n\">90 % interval</th>";
+  html +=
+      "<th class=\"n\">Variability</th><th>Unit</th><th>Range searched</th>"
       "<th></th></tr></thead><tbody>\n";
   for (const ReportParameter& p : report.parameters) {
     const bool weak = !p.free || !p.determined;
@@ -275,6 +286,7 @@ std::string found_section(const Report& report) {
                              escaped(p.meaning)),
                  "lead");
     html += cell("Value", "<span class=\"value\">" + format_value(p.value) + "</span>", "n");
+    if (with_intervals) html += cell("90 % interval", interval_text(p), "n");
     html += cell("Variability", variability_text(p), "n");
     html += cell("Unit", escaped(format_unit(p.unit)));
     html += cell("Range searched", range_bar(p), "range");
@@ -287,7 +299,14 @@ std::string found_section(const Report& report) {
       "parameter that raises the error by 1 %: the smaller, the better the data determine it. In "
       "the "
       "bars, the dot is the estimate, the shade its variability, the tick where the search "
-      "started.</p></section>\n";
+      "started.";
+  if (with_intervals) {
+    html +=
+        " The 90 % interval comes from leaving out each frame in turn, to first order: it holds "
+        "the "
+        "noise of the video, not what the model lacks.";
+  }
+  html += "</p></section>\n";
   return html;
 }
 

@@ -85,6 +85,8 @@ Json json_of(const ReportParameter& p) {
   put(object, "upper", p.upper);
   put(object, "initial", p.initial);
   put(object, "variability", p.variability_percent);
+  put(object, "interval_lower", p.interval_lower);
+  put(object, "interval_upper", p.interval_upper);
   object["determined"] = p.determined;
   object["at_bound"] = p.at_bound == ReportParameter::Bound::none    ? Json(nullptr)
                        : p.at_bound == ReportParameter::Bound::lower ? Json("lower")
@@ -354,6 +356,8 @@ ReportParameter parameter_from(const std::string& name, const Reader& in) {
   in.get("upper", p.upper);
   in.get("initial", p.initial);
   in.get("variability", p.variability_percent);
+  in.get("interval_lower", p.interval_lower);
+  in.get("interval_upper", p.interval_upper);
   in.get("determined", p.determined);
   if (in.has("at_bound")) {
     p.at_bound = in.is("at_bound", "lower", "upper") ? ReportParameter::Bound::lower
