@@ -141,7 +141,8 @@ class PhaseProgress {
     phase_begin_ = std::chrono::steady_clock::now();  // of the next, if this was the last step
     bar_->update(progress.done,
                  fmt::format("error {:.4g}, best {:.4g}{}", progress.step.error, progress.step.best,
-                             progress.replayed ? " (replayed)" : ""));
+                             progress.replayed > replayed_ ? " (replayed)" : ""));
+    replayed_ = progress.replayed;
     return !interrupted();
   }
   /// Ends the last bar.
@@ -150,6 +151,7 @@ class PhaseProgress {
  private:
   std::string phase_;
   std::unique_ptr<Progress> bar_;
+  std::size_t replayed_ = 0;  // until the step before
   std::chrono::steady_clock::time_point phase_begin_ = std::chrono::steady_clock::now();
 };
 
