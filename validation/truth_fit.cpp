@@ -29,7 +29,7 @@ using namespace weft;
 /// Where snapping makes derivatives larger than this (m rms per range), they say nothing about
 /// steps of a useful size and count less.
 constexpr double kUnstableMotion = 0.5;
-constexpr std::size_t kAnnealingEvaluations = 200;
+constexpr std::size_t kAnnealingEvaluations = 100;
 
 class TruthFit {
  public:
