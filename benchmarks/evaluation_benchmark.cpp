@@ -19,7 +19,9 @@ using namespace weft;
 const Trial& trial() {
   static const std::shared_ptr<const Trial> prepared = [] {
     const Capture capture = read_capture(WEFT_SOURCE_DIR "/data/captures/cotton_waving_A");
-    return prepare_trial(capture, capture.fit_first, capture.fit_last, {}, 1);
+    TrialOptions options;
+    options.columns = options.rows = 25;
+    return prepare_trial(capture, capture.fit_first, capture.fit_last, options, 1);
   }();
   return *prepared;
 }
