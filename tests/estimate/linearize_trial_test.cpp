@@ -242,7 +242,8 @@ TEST_F(LinearizeTest, AFitIsTheSameForAnyThreadsAndGoesThroughTheStore) {
 TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
   AutoFitOptions options;
   options.least_squares = small_fit();
-  options.annealing.annealing.max_evaluations = 30;
+  options.least_squares.stages = {{0, 1, 2, 3, 1, 0.05}};
+  options.annealing.annealing.max_evaluations = 20;
   options.annealing.with_variability = false;
   const FitResult descent = run_least_squares_fit(problem(), options.least_squares);
   const FitResult whole = run_auto_fit(problem(), options);
@@ -250,7 +251,7 @@ TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
   EXPECT_EQ(whole.final.error, evaluate(problem(), whole.fabric).error);
   EXPECT_EQ(whole.initial.error, descent.initial.error);
   EXPECT_NEAR(whole.start.error, descent.final.error, 1e-3 * descent.final.error);
-  ASSERT_GT(whole.history.size(), descent.history.size() + 30);
+  ASSERT_GT(whole.history.size(), descent.history.size() + 20);
   EXPECT_EQ(whole.history[descent.history.size()].phase, "start");
   EXPECT_EQ(whole.history.back().phase, "anneal");
   for (std::size_t i = 0; i < whole.history.size(); ++i)
