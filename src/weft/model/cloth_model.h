@@ -5,6 +5,7 @@
 
 #include "weft/fabric/fabric.h"
 #include "weft/mesh/triangle_mesh.h"
+#include "weft/model/hessian_kind.h"
 #include "weft/model/linear_maps.h"
 
 namespace weft {
@@ -16,11 +17,6 @@ namespace weft {
 struct DampingRate {
   double rate = 0;                       ///< 1/s; 0: no damping
   const VecX* strain_history = nullptr;  ///< rate * C minus the strain rate, one entry a component
-};
-
-enum class HessianKind {
-  exact,                 ///< indefinite under compression; what sensitivities need
-  positive_semidefinite  ///< projected element by element; what Newton's direction needs
 };
 
 /// A mesh and a fabric: the energy, the forces and their derivatives (Bhat 2003 section 3; Baraff

@@ -1,0 +1,45 @@
+#pragma once
+#include <memory>
+
+#include "weft/fabric/fabric.h"
+#include "weft/mesh/triangle_mesh.h"
+#include "weft/model/hessian_kind.h"
+
+namespace weft {
+
+/// The elastic energy of a mesh as a function of its shape and of a vector of material parameters:
+/// what static equilibrium, its sensitivities and fits to forces need. No mass, no gravity, no
+/// damping. Geometry and sparsity are fixed at construction. Const functions keep no state: one
+/// model may serve several threads.
+class ElasticModel {
+ public:
+  virtual ~ElasticModel() = default;
+
+  virtual const TriangleMesh& mesh() const = 0;
+  /// Values in the order of the fabric that the model was made from (Fabric::values), SI.
+  virtual const VecX& parameters() const = 0;
+  /// Throws Error for a wrong count, or a value that is not finite or outside what the model can
+  /// stand.
+  virtual void set_parameters(const VecX& values) = 0;
+
+  /// J.
+  virtual double energy(const Points& x) const = 0;
+  /// d energy / d x, N, 3 x vertices. Overwrites.
+  virtual void gradient(const Points& x, Points& gradient) const = 0;
+  /// The gradient (overwritten) and, in the same pass, the Hessian: lower triangle with diagonal,
+  /// in the pattern of hessian_pattern(), added to what is there.
+  virtual void hessian(const Points& x, HessianKind kind, Points& gradient,
+                       SparseMatrix& hessian) const = 0;
+  /// Lower triangle with explicit zeros, 3 n x 3 n, compressed; has all diagonal entries.
+  virtual const SparseMatrix& hessian_pattern() const = 0;
+  /// d gradient / d parameters, 3 n x parameters (rows as flat(x)). Overwrites.
+  virtual void parameter_derivative(const Points& x, MatX& derivative) const = 0;
+};
+
+/// The model that `fabric.model` names on `mesh`. `grain_angle` (rad): u of the material lies at
+/// this angle, counter-clockwise, from the first axis of the mesh's material coordinates. Throws
+/// Error for a name that is no elastic model, or a mesh or fabric that is not valid.
+std::unique_ptr<ElasticModel> make_elastic_model(const TriangleMesh& mesh, const Fabric& fabric,
+                                                 double grain_angle = 0);
+
+}  // namespace weft
