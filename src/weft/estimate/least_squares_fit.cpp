@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <numeric>
 
 #include "weft/base/error.h"
@@ -81,27 +83,41 @@ class LeastSquaresFit {
   }
 
  private:
-  /// Takes note of an evaluation: history, best so far, observer. `total`: of the phase, 0 if not
-  /// known.
+  /// Tells the observer, and records. `total`: of the phase, 0 if not known.
   void note(const std::string& phase, const VecX& scaled, int frame_count,
             const ProblemEvaluation& evaluation, std::size_t total = 0) {
+    announce(phase, evaluation, total);
+    record(phase, scaled, frame_count, evaluation);
+  }
+
+  /// History and best so far, in an order that does not depend on the threads.
+  void record(const std::string& phase, const VecX& scaled, int frame_count,
+              const ProblemEvaluation& evaluation) {
     ++result_.evaluations;
     result_.diverged += evaluation.diverged;
+    const bool first = result_.history.empty() || result_.history.back().phase != phase;
+    const double best =
+        first ? evaluation.error : std::min(result_.history.back().best, evaluation.error);
+    result_.history.push_back({phase, result_.history.size() + 1, evaluation.error, best, 0});
+    if (frame_count == 0 && (result_.scaled.size() == 0 || evaluation.error < best_error_)) {
+      result_.scaled = scaled;
+      result_.final = evaluation;
+      best_error_ = evaluation.error;
+    }
+  }
+
+  /// Progress, as evaluations end; asks whether to go on.
+  void announce(const std::string& phase, const ProblemEvaluation& evaluation,
+                std::size_t total = 0) {
+    const std::lock_guard lock(announcing_);
     if (phase != phase_) {
       phase_ = phase;
       phase_best_ = kInfinity;
       phase_done_ = 0;
     }
     phase_best_ = std::min(phase_best_, evaluation.error);
-    result_.history.push_back(
-        {phase, result_.history.size() + 1, evaluation.error, phase_best_, 0});
-    if (frame_count == 0 && (result_.scaled.size() == 0 || evaluation.error < best_error_)) {
-      result_.scaled = scaled;
-      result_.final = evaluation;
-      best_error_ = evaluation.error;
-    }
-    const FitProgress progress{result_.history.back(), ++phase_done_, total, result_.replayed};
-    if (observer_ && !observer_(progress)) stopped_ = true;
+    const FitStep step{phase, ++announced_, evaluation.error, phase_best_, 0};
+    if (observer_ && !observer_({step, ++phase_done_, total, result_.replayed})) stopped_ = true;
     if (interrupted()) stopped_ = true;
   }
 
@@ -168,17 +184,25 @@ class LeastSquaresFit {
     return options;
   }
 
+  /// Candidates are improved side by side, each on its share of the cores: a simulation uses one.
   void run_stage(const FitStage& stage, std::vector<Candidate>& candidates) {
     if (candidates.size() > 1 && &stage != &options_.stages.front())
       compare_candidates(stage, candidates);
     keep_best(candidates, stage.survivors);
+    const int threads = options_.threads > 0 ? options_.threads : hardware_threads();
+    const int share = std::max(1, threads / static_cast<int>(candidates.size()));
+    std::vector<Descent> descents(candidates.size());
+    parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
+      if (!stopped_) descents[i] = improve(stage, candidates[i], share);
+    });
     if (&stage == &options_.stages.back()) {
       result_.start_fabric = problem_.fabric(candidates.front().scaled);
-      result_.start = {};
+      result_.start = descents.front().start;
     }
-    for (Candidate& candidate : candidates) {
-      if (stopped_) return;
-      improve(stage, candidate);
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
+      for (const Tried& tried : descents[i].tried)
+        record(phase_of(stage), tried.scaled, stage.frames, tried.evaluation);
+      if (descents[i].end.size() > 0) candidates[i] = {descents[i].end, descents[i].cost};
     }
   }
 
@@ -188,37 +212,55 @@ class LeastSquaresFit {
 
   /// By the error on the frames of the stage to come.
   void compare_candidates(const FitStage& stage, std::vector<Candidate>& candidates) {
-    for (Candidate& candidate : candidates) {
+    std::vector<StoredEvaluation> evaluations(candidates.size());
+    parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
       if (stopped_) return;
-      const StoredEvaluation stored =
-          evaluate_stored(problem_, problem_.fabric(candidate.scaled), stage.frames,
-                          phase_of(stage), store_, options_.threads);
-      result_.replayed += stored.replayed;
-      candidate.cost = stored.evaluation.error;
-      note(phase_of(stage), candidate.scaled, stage.frames, stored.evaluation);
+      evaluations[i] = evaluate_stored(problem_, problem_.fabric(candidates[i].scaled),
+                                       stage.frames, phase_of(stage), store_, 1);
+    });
+    for (std::size_t i = 0; i < candidates.size() && !stopped_; ++i) {
+      result_.replayed += evaluations[i].replayed;
+      candidates[i].cost = evaluations[i].evaluation.error;
+      note(phase_of(stage), candidates[i].scaled, stage.frames, evaluations[i].evaluation);
     }
   }
 
-  void improve(const FitStage& stage, Candidate& candidate) {
-    const LinearizationOptions options = linearization_of(stage);
+  /// A point that a descent evaluated.
+  struct Tried {
+    VecX scaled;
+    ProblemEvaluation evaluation;
+  };
+  struct Descent {
+    std::vector<Tried> tried;  ///< in order
+    ProblemEvaluation start;   ///< of the first linearization
+    VecX end;                  ///< empty if it never ran
+    double cost = kInfinity;
+  };
+
+  Descent improve(const FitStage& stage, const Candidate& candidate, int threads) {
+    LinearizationOptions options = linearization_of(stage);
+    options.threads = threads;
     const std::string phase = phase_of(stage);
     const VecX origin = reference();
+    Descent descent;
     double pull = -1;  // set by the first linearization
     const auto linearized = [&](const VecX& scaled) {
       ProblemLinearization found = linearize(problem_, scaled, options);
-      if (pull < 0) pull = std::isfinite(found.model.cost) ? stage.pull * found.model.cost : 0;
+      if (pull < 0) {
+        pull = std::isfinite(found.model.cost) ? stage.pull * found.model.cost : 0;
+        descent.start = found.evaluation;
+      }
       found.model.cost += pull * (scaled - origin).squaredNorm();
       found.model.gradient += 2 * pull * (scaled - origin);
       found.model.hessian.diagonal().array() += 2 * pull;
-      if (phase == phase_of(options_.stages.back()) && result_.start.error == 0)
-        result_.start = found.evaluation;
       return found.model;
     };
     const auto cost = [&](const VecX& scaled) {
       const ProblemCost found = evaluate_cost(problem_, scaled, options);
       if (store_)
         store_->add(problem_, problem_.fabric(scaled), stage.frames, phase, found.evaluation);
-      note(phase, scaled, stage.frames, found.evaluation);
+      descent.tried.push_back({scaled, found.evaluation});
+      announce(phase, found.evaluation);
       return found.cost + pull * (scaled - origin).squaredNorm();
     };
     LeastSquaresOptions solver = options_.solver;
@@ -227,7 +269,9 @@ class LeastSquaresFit {
     const LeastSquaresResult found =
         minimize_least_squares(linearized, cost, candidate.scaled, VecX::Zero(n), VecX::Ones(n),
                                solver, [&](const LeastSquaresStep&) { return !stopped_; });
-    candidate = {found.x, found.cost};
+    descent.end = found.x;
+    descent.cost = found.cost;
+    return descent;
   }
 
   void conclude() {
@@ -260,10 +304,12 @@ class LeastSquaresFit {
   const LeastSquaresFitOptions& options_;
   EvaluationStore* store_;
   const FitObserver& observer_;
-  std::string phase_;
-  double phase_best_ = kInfinity, best_error_ = kInfinity;
-  std::size_t phase_done_ = 0;
-  bool stopped_ = false;
+  std::mutex announcing_;
+  std::string phase_;  // of the last announcement, with what follows
+  double phase_best_ = kInfinity;
+  std::size_t phase_done_ = 0, announced_ = 0;
+  std::atomic<bool> stopped_ = false;
+  double best_error_ = kInfinity;
   FitResult result_;
 };
 

@@ -29,7 +29,7 @@ struct LeastSquaresFitOptions {
   std::vector<std::string> screening_parameters{"bend_stiffness", "stretch_stiffness",
                                                 "shear_stiffness"};
   std::vector<FitStage> stages{
-      {10, 3, 5, 6, 1, 0.05}, {25, 2, 6, 4, 1, 0.05}, {0, 1, 8, 3, 1, 0.05}};
+      {10, 4, 5, 6, 1, 0.05}, {25, 2, 6, 4, 1, 0.05}, {0, 2, 8, 3, 1, 0.05}};
   FitOptions::Start start = FitOptions::Start::middle;
   LeastSquaresOptions solver;          ///< its max_iterations is that of the stage
   LinearizationOptions linearization;  ///< its frames, losses and threads are overwritten
