@@ -33,7 +33,6 @@ namespace {
 // The jackknife wants several blocks, though.
 constexpr int kMostFramesPerBlock = 5;
 constexpr int kLeastBlocks = 8;
-constexpr double kLargestCondition = 1e12;
 constexpr int kStoppedEarly = 130;  // as the shell reports a program ended by Ctrl-C
 const std::string kStoreName = "evaluations.sqlite";
 
@@ -98,12 +97,15 @@ std::optional<Uncertainty> uncertainty_of(const Problem& problem, const FitResul
 }
 
 void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
-  if (uncertainty.condition > kLargestCondition) {
-    report.remarks.push_back(
-        fmt::format("The condition number of the problem is {:.1g}: some combination of parameters "
-                    "is not determined by the data.",
-                    uncertainty.condition));
-  }
+  ReportCertainty& certainty = report.certainty.emplace();
+  certainty.confidence = uncertainty.confidence;
+  certainty.clusters = uncertainty.clusters;
+  certainty.condition = uncertainty.condition;
+  certainty.noise = uncertainty.noise;
+  for (const ParameterInterval& p : uncertainty.parameters) certainty.parameters.push_back(p.name);
+  certainty.correlation = uncertainty.correlation;
+  certainty.covariance = uncertainty.covariance;
+  certainty.information = uncertainty.information;
   for (ReportParameter& p : report.parameters) {
     for (const ParameterInterval& interval : uncertainty.parameters) {
       if (interval.name != p.name) continue;

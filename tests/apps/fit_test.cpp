@@ -147,6 +147,11 @@ TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
     EXPECT_GE(p["interval_upper"], p["value"]) << name;
   }
   EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("90 % interval"));
+  const json& certainty = found["certainty"];
+  EXPECT_EQ(certainty["parameters"].size(), 9u);
+  EXPECT_EQ(certainty["correlation"].size(), 81u);
+  EXPECT_GT(certainty["noise"], 0);
+  EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("Correlation of the parameters"));
 
   const Outcome mixed = weft({"fit", path("c"), "--out", path("other"), "--coarse", "none"});
   EXPECT_EQ(mixed.status, 2);

@@ -86,6 +86,31 @@ TEST(Uncertainty, IntervalsCoverTheTruthUnderCorrelatedNoise) {
   EXPECT_LT(covered_if_independent.minCoeff(), 0.5 * repetitions);
 }
 
+// cov(g_k) = phi H_k by construction. Of (K - 1) m = 36 squares a repetition, 200 repetitions: the
+// relative standard error of the mean is sqrt(2 / 36 / 200) = 1.7 %.
+TEST(Uncertainty, DispersionIsUnbiasedAndDoesNotDependOnWhereItIsTaken) {
+  const double phi = 7.5;
+  const int repetitions = 200, clusters = 10, n = 4;
+  double mean = 0;
+  for (int i = 0; i < repetitions; ++i) {
+    Rng rng(static_cast<std::uint64_t>(i), 5);
+    std::vector<CostPart> parts;
+    for (int k = 0; k < clusters; ++k) {
+      MatX a(n + 2, n);
+      for (double& entry : a.reshaped()) entry = (1 + k) * rng.normal();
+      const MatX h = a.transpose() * a;
+      VecX noise(n);
+      for (double& entry : noise) entry = rng.normal();
+      parts.push_back({0, k, std::sqrt(phi) * (MatX(h.llt().matrixL()) * noise), h});
+    }
+    const double found = cluster_dispersion(parts);
+    mean += found / repetitions;
+    for (CostPart& part : parts) part.gradient += part.hessian * VecX::Constant(n, 3);
+    EXPECT_NEAR(cluster_dispersion(parts), found, 1e-6 * found);
+  }
+  EXPECT_NEAR(mean, phi, 0.06 * phi);
+}
+
 // Few clusters, of which half say nothing of the second parameter.
 TEST(Uncertainty, IntervalsCoverTheTruthWithFewUnequalClusters) {
   const int repetitions = 400, clusters = 12;

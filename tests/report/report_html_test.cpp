@@ -131,11 +131,25 @@ TEST(ReportHtml, TextIsEscapedEverywhere) {
 TEST(ReportHtml, PlotsAreWellFormedWithIdsOfTheirOwn) {
   const std::string html = sample_html();
   const auto plots = pieces(html, "<svg", "</svg>");
-  // Error, distance, variability, surface, one perturbation, search, temperature, matrix twice.
-  EXPECT_EQ(plots.size(), 9u);
+  // Error, distance, correlation, variability, surface, one perturbation, search, temperature, matrix twice.
+  EXPECT_EQ(plots.size(), 10u);
   for (const std::string& plot : plots) EXPECT_NO_THROW(XmlReader::read(plot));
   const auto ids = matches(html, " id=\"([^\"]*)\"");
   EXPECT_EQ(std::set<std::string>(ids.begin(), ids.end()).size(), ids.size());
+}
+
+TEST(ReportHtml, CertaintyHasItsConditionAndCorrelations) {
+  const std::string html = sample_html();
+  EXPECT_TRUE(contains(html, "Condition number of the problem: ∞ (above 10¹²"));
+  EXPECT_TRUE(contains(html, "from 8 blocks of frames"));
+  const auto plots = pieces(html, "<svg", "</svg>");
+  const auto correlation = std::ranges::find_if(
+      plots, [](const std::string& plot) { return contains(plot, "Correlation of the"); });
+  ASSERT_NE(correlation, plots.end());
+  EXPECT_TRUE(contains(*correlation, "-0.5") || contains(*correlation, "−0.5"));
+  EXPECT_TRUE(contains(*correlation, "not determined, or held"));
+  // The shade of a row is its interval: 0.9 to 1.2 times 3.2e-5 in log10 over 1e-7 to 1e-2.
+  EXPECT_TRUE(contains(html, "class=\"interval\" style=\"left:49.19%;width:2.50%\""));
 }
 
 TEST(ReportHtml, DataBehindAPlotIsTheCsvOfThePlot) {

@@ -36,6 +36,32 @@ std::string changed(const std::function<void(json&)>& change) {
   return parsed.dump();
 }
 
+TEST(Result, CertaintyComesBackWithWhatIsNotFinite) {
+  const json file = json::parse(result_to_json(sample_report()));
+  const json& certainty = file["certainty"];
+  EXPECT_EQ(certainty["condition"], nullptr);
+  EXPECT_EQ(certainty["condition_not_finite"], "infinity");
+  EXPECT_EQ(certainty["correlation"][2], -0.5);
+  EXPECT_EQ(certainty["correlation"][1], nullptr);
+  EXPECT_EQ(certainty["correlation_not_finite"]["1"], "nan");
+  EXPECT_EQ(file["parameters"]["drag_linear"]["at_bound"], "upper");
+  EXPECT_THAT(file["warnings"].dump(), HasSubstr("The condition number of the problem is ∞"));
+
+  const Report back = result_from_json(file.dump(), "result.json");
+  ASSERT_TRUE(back.certainty);
+  EXPECT_EQ(back.certainty->condition, infinity);
+  EXPECT_EQ(back.certainty->noise, 1.25);
+  EXPECT_EQ(back.certainty->parameters, sample_report().certainty->parameters);
+  EXPECT_EQ(back.certainty->information, sample_report().certainty->information);
+  EXPECT_TRUE(std::isnan(back.certainty->correlation(0, 1)));
+  EXPECT_EQ(back.certainty->correlation(0, 2), -0.5);
+
+  EXPECT_THAT(error_of(changed([](json& j) { j["certainty"]["information"].erase(0); })),
+              HasSubstr("certainty.information: has 8 numbers instead of 3 x 3"));
+  // Files of before have none.
+  EXPECT_FALSE(result_from_json(changed([](json& j) { j.erase("certainty"); }), "r").certainty);
+}
+
 TEST(Result, SaysWhatWasFoundAndHowItWasMade) {
   const json file = json::parse(result_to_json(sample_report()));
   EXPECT_EQ(file["format"], "weft-result");

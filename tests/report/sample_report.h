@@ -63,6 +63,19 @@ inline Report sample_report() {
   held.variability_percent = std::nullopt;
   report.parameters = {bend, damping, drag, held};
 
+  ReportCertainty& certainty = report.certainty.emplace();
+  certainty.clusters = 8;
+  certainty.condition = infinity;
+  certainty.noise = 1.25;
+  certainty.parameters = {"bend_stiffness", "bend_damping", "drag_linear"};
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  certainty.correlation.resize(3, 3);
+  certainty.correlation << 1, nan, -0.5, nan, nan, nan, -0.5, nan, 1;
+  certainty.covariance.resize(3, 3);
+  certainty.covariance << 4e-4, 0, -1e-4, 0, 0, 0, -1e-4, 0, 1e-4;
+  certainty.information.resize(3, 3);
+  certainty.information << 2500, 0, 10, 0, 0, 0, 10, 0, 10000;
+
   ReportCapture capture;
   capture.name = "sample";
   capture.description = "a test";

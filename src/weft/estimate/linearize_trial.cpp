@@ -221,7 +221,8 @@ ProblemLinearization linearize(const Problem& problem, const VecX& scaled,
     for (std::size_t k = 0; k < frames[i].frames.size(); ++k) {
       const FrameLinearization& frame = frames[i].frames[k];
       result.parts.push_back(
-          {i, static_cast<int>(k), factor * frame.gradient, factor * frame.hessian});
+          {i, static_cast<int>(k), factor * frame.gradient, factor * frame.hessian,
+                              factor});
       result.model.gradient += result.parts.back().gradient;
       result.model.hessian += result.parts.back().hessian;
     }

@@ -43,6 +43,8 @@ struct CostPart {
   int frame = 0;  ///< compared frame of the trial, from 0
   VecX gradient;
   MatX hessian;
+  /// Of the frame's sums over pixels in the cost: gradient and hessian are this times theirs.
+  double factor = 1;
 };
 struct ProblemLinearization {
   ProblemEvaluation evaluation;

@@ -34,6 +34,20 @@ double normal_quantile(double p) {
   return x;
 }
 
+/// Throws Error for fewer than two or sizes that differ.
+CostPart sum_of(const std::vector<CostPart>& clusters) {
+  if (clusters.size() < 2) throw Error("uncertainty needs at least two frames");
+  const Eigen::Index n = clusters.front().gradient.size();
+  CostPart sum{0, 0, VecX::Zero(n), MatX::Zero(n, n)};
+  for (const CostPart& cluster : clusters) {
+    if (cluster.gradient.size() != n || cluster.hessian.rows() != n || cluster.hessian.cols() != n)
+      throw Error("uncertainty: clusters of different sizes");
+    sum.gradient += cluster.gradient;
+    sum.hessian += cluster.hessian;
+  }
+  return sum;
+}
+
 /// The estimate without cluster k less the estimate, to first order; empty where a direction is
 /// left without any data.
 VecX leave_one_out(const MatX& hessian, const VecX& gradient) {
@@ -76,6 +90,25 @@ double student_quantile(double p, double degrees_of_freedom) {
   return z + (g1 + (g2 + (g3 + g4 / n) / n) / n) / n;
 }
 
+double cluster_dispersion(const std::vector<CostPart>& clusters) {
+  const CostPart sum = sum_of(clusters);
+  const Eigen::SelfAdjointEigenSolver<MatX> eigen(sum.hessian);
+  const VecX& values = eigen.eigenvalues();
+  const double least = kRounding * values[values.size() - 1];
+  const VecX inverse = (values.array() > least).select(values.cwiseInverse(), 0);
+  const MatX pseudo =
+      eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+  const VecX step = pseudo * sum.gradient;
+  double scatter = 0, freedom = double((values.array() > least).count());
+  for (const CostPart& cluster : clusters) {
+    const VecX gradient = cluster.gradient - cluster.hessian * step;
+    scatter += gradient.dot(pseudo * gradient);
+    const MatX share = pseudo * cluster.hessian;
+    freedom -= share.cwiseProduct(share.transpose()).sum();
+  }
+  return freedom > 1e-9 ? scatter / freedom : kInfinity;
+}
+
 std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames) {
   if (frames < 1) throw Error("frames per cluster must be at least 1");
   std::vector<CostPart> joined;
@@ -85,23 +118,17 @@ std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames
       joined.back().gradient += part.gradient;
       joined.back().hessian += part.hessian;
     } else {
-      joined.push_back({part.trial, block, part.gradient, part.hessian});
+      joined.push_back({part.trial, block, part.gradient, part.hessian, part.factor});
     }
   }
   return joined;
 }
 
 ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters) {
-  if (clusters.size() < 2) throw Error("uncertainty needs at least two frames");
-  const Eigen::Index n = clusters.front().gradient.size();
-  VecX gradient = VecX::Zero(n);
-  MatX hessian = MatX::Zero(n, n);
-  for (const CostPart& cluster : clusters) {
-    if (cluster.gradient.size() != n || cluster.hessian.rows() != n || cluster.hessian.cols() != n)
-      throw Error("uncertainty: clusters of different sizes");
-    gradient += cluster.gradient;
-    hessian += cluster.hessian;
-  }
+  const CostPart sum = sum_of(clusters);
+  const VecX& gradient = sum.gradient;
+  const MatX& hessian = sum.hessian;
+  const Eigen::Index n = gradient.size();
   const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
   const VecX& values = eigen.eigenvalues();  // ascending
   const double largest = values[n - 1];
@@ -157,6 +184,7 @@ class UncertaintyOfEstimate {
     if (!free_.empty()) fill(free_);
     // A held parameter is looked at together with the free ones, one at a time.
     for (const Eigen::Index i : held_) fill_held(i);
+    find_information();
     warn();
     return std::move(result_);
   }
@@ -171,6 +199,22 @@ class UncertaintyOfEstimate {
                         (scaled_[i] > 1 - at_bound_distance && gradient[i] < 0);
       (held ? held_ : free_).push_back(i);
     }
+  }
+
+  void find_information() {
+    const double dispersion = cluster_dispersion(clusters_);
+    const Eigen::Index n = scaled_.size();
+    result_.information = MatX::Zero(n, n);
+    for (const CostPart& cluster : clusters_) result_.information += cluster.hessian / dispersion;
+    // Once a trial.
+    int trials = 0;
+    double sum = 0;
+    for (std::size_t k = 0; k < clusters_.size(); ++k) {
+      if (k > 0 && clusters_[k].trial == clusters_[k - 1].trial) continue;
+      ++trials;
+      sum += dispersion / clusters_[k].factor;
+    }
+    result_.noise = sum / trials;
   }
 
   double quantile(int clusters) const {

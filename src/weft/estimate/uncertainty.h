@@ -30,6 +30,18 @@ struct ClusterCovariance {
 /// Throws Error for fewer than two parts or sizes that differ.
 ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters);
 
+/// How much more (or less) the gradient scatters than a cost of squares with independent residuals
+/// of variance 1/2 would have it: phi in cov(g_k) = phi H_k, so that phi H^-1 is the covariance of
+/// the estimate and H / phi the Fisher information of the data. From the clusters,
+///
+///     phi = sum_k g_k^T H^+ g_k / (m - sum_k tr((H^+ H_k)^2)),
+///
+/// with g_k taken at the stationary point of the linearization and m the rank of H; unbiased where
+/// cov(g_k) = phi H_k holds. One number from all clusters and parameters, it is far steadier than
+/// the matrix of cluster_covariance(), whose inverse is of no use with few clusters. Infinity where
+/// one cluster decides alone. Throws Error as cluster_covariance() does.
+double cluster_dispersion(const std::vector<CostPart>& clusters);
+
 /// Successive parts of a trial joined into blocks of `frames`; the last block may be shorter.
 std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames);
 
@@ -54,6 +66,12 @@ struct Uncertainty {
   std::vector<ParameterInterval> parameters;
   MatX covariance;   ///< scaled coordinates; rows of parameters that are held at a bound are zero
   MatX correlation;  ///< -1 to 1; NaN for parameters that are not determined
+  /// Fisher information of the data about all parameters, held or not, scaled coordinates:
+  /// H / cluster_dispersion(). Singular where the data do not determine a direction.
+  MatX information;
+  /// cluster_dispersion() of the sums over the pixels of a frame, rad^2: twice the variance of a
+  /// pixel's residual times the number of pixels that count as one. Mean over the trials.
+  double noise = 0;
   double condition = 0;
   int clusters = 0;
   double confidence = 0;

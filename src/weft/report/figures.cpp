@@ -319,6 +319,28 @@ HeatMap matrix_map(const ReportMatrix& matrix) {
   return map;
 }
 
+HeatMap correlation_map(const ReportCertainty& certainty) {
+  HeatMap map;
+  map.title = "Correlation of the parameters";
+  for (const std::string& name : certainty.parameters) {
+    std::string words = name;
+    std::ranges::replace(words, '_', ' ');
+    map.x.push_back(static_cast<double>(map.x.size()));
+    map.x_axis.categories.push_back(words);
+  }
+  map.y = map.x;
+  map.y_axis.categories = map.x_axis.categories;
+  // Two digits: more say nothing, and cells are small.
+  map.values = certainty.correlation.unaryExpr([](double r) { return std::round(100 * r) / 100; });
+  map.label = "correlation";
+  map.lower = -1;
+  map.upper = 1;
+  map.gap = "a parameter that is not determined, or held at its bound";
+  map.print_values = true;
+  map.height = 150 + 34 * static_cast<int>(map.y.size());
+  return map;
+}
+
 LinePlot energy_plot(const std::vector<PlotSeries>& series) {
   LinePlot plot;
   plot.title = "Energy over time";

@@ -27,6 +27,8 @@ LinePlot temperature_plot(const std::vector<ReportHistoryPoint>& history);
 LinePlot perturbation_plot(const ReportPerturbation& perturbation);
 /// Variability of each parameter that has one, log scale (Fig. 11).
 BarChart variability_chart(const std::vector<ReportParameter>& parameters);
+/// Correlation of the parameters, -1 to 1; hatched where one is not determined.
+HeatMap correlation_map(const ReportCertainty& certainty);
 /// Fig. 3.
 HeatMap surface_map(const ReportSurface& surface);
 /// Fig. 14: a line per capture over the fabrics; and the same as a table, the least of each row

@@ -722,13 +722,15 @@ std::string to_svg(const HeatMap& map, std::string_view id, double margin) {
   Scale y = cell_scale(map.y_axis, y_edges);
   PlotAxis colour_axis;
   colour_axis.logarithmic = map.logarithmic;
+  colour_axis.lower = map.lower;
+  colour_axis.upper = map.upper;
   const std::vector<double> values(map.values.data(), map.values.data() + map.values.size());
   Scale colour = make_scale(colour_axis, values, 0);
 
   std::vector<std::string> labels;
   for (const HeatMap::Marker& marker : map.markers) labels.push_back(marker.label);
   const bool gaps = std::ranges::any_of(values, [](double v) { return !std::isfinite(v); });
-  if (gaps) labels.push_back("diverged");
+  if (gaps) labels.push_back(map.gap);
   double legend_height = 0;
   const double legend_top = title_height(map.title);
   const auto legend = lay_out_legend(labels, map.width, legend_top, legend_height);
@@ -792,6 +794,7 @@ std::string to_svg(const HeatMap& map, std::string_view id, double margin) {
     for (Eigen::Index j = 0; j < map.values.cols(); ++j) {
       const auto column = static_cast<std::size_t>(j);
       const double value = map.values(i, j);
+      if (std::isnan(value)) continue;
       const bool hatched = !drawable(colour_axis, value);
       draw_cell_value(svg, value, (x.pixel(x_edges[column]) + x.pixel(x_edges[column + 1])) / 2,
                       (a + b) / 2, hatched ? 1 : colour.fraction(value), hatched);

@@ -96,7 +96,9 @@ struct HeatMap {
   MatX values;
   std::string label;  ///< of the colour bar
   std::string unit;
-  bool logarithmic = false;  ///< colours follow log(value)
+  bool logarithmic = false;            ///< colours follow log(value)
+  std::optional<double> lower, upper;  ///< of the colours; by default the values'
+  std::string gap = "diverged";        ///< what a hatched cell means, for the legend
   bool print_values = false;
   bool outline_row_minimum = false;
   std::vector<Marker> markers;

@@ -51,6 +51,14 @@ void warn_of_parameters(const Report& report, std::vector<std::string>& warnings
   }
 }
 
+void warn_of_condition(const Report& report, std::vector<std::string>& warnings) {
+  if (!report.certainty || report.certainty->condition <= largest_condition) return;
+  warnings.push_back(fmt::format(
+      "The condition number of the problem is {}: some combination of parameters is not determined "
+      "by the data.",
+      format_value(report.certainty->condition, 2)));
+}
+
 void warn_of_captures(const Report& report, std::vector<std::string>& warnings) {
   for (const ReportCapture& capture : report.captures) {
     if (!capture.start_measured) {
@@ -122,6 +130,7 @@ std::vector<std::string> report_warnings(const Report& report) {
                     format_value(report.error_initial), format_value(report.error)));
   }
   warn_of_parameters(report, warnings);
+  warn_of_condition(report, warnings);
   if (report.diverged > 0) {
     warnings.push_back(fmt::format("{} of {} simulations diverged and counted as infinitely wrong.",
                                    report.diverged, report.evaluations));

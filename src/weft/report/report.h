@@ -36,6 +36,21 @@ struct ReportParameter {
   Bound at_bound = Bound::none;
 };
 
+/// How sure the estimate is as a whole; intervals stand with their parameters. Matrices have a row
+/// for each name in `parameters`, in search coordinates scaled to the ranges.
+struct ReportCertainty {
+  double confidence = 0.9;              ///< of the intervals
+  int clusters = 0;                     ///< blocks of frames that were left out in turn
+  double condition = 0;                 ///< of the problem; infinity: singular
+  double noise = 0;                     ///< Uncertainty::noise, rad^2
+  std::vector<std::string> parameters;  ///< the free ones
+  MatX correlation;                     ///< NaN where a parameter is not determined or held
+  MatX covariance;
+  MatX information;
+};
+/// From here on some combination of parameters is taken not to be determined.
+inline constexpr double largest_condition = 1e12;
+
 /// Distance between the simulated and the true surface at the same (u, v), m.
 struct ReportDistance {
   double mean = 0, rms = 0, max = 0;
@@ -123,6 +138,7 @@ struct Report {
   int threads = 0;
   std::vector<std::pair<std::string, ReportValue>> settings;
   std::vector<ReportParameter> parameters;
+  std::optional<ReportCertainty> certainty;  ///< nothing where it was not computed
   std::vector<ReportCapture> captures;
   std::vector<ReportHistoryPoint> history;
   std::vector<ReportPerturbation> perturbations;
@@ -143,7 +159,7 @@ std::optional<ReportMeans> report_means(const ReportCapture& capture, bool valid
 
 /// What a reader must know before the numbers, most serious first, one sentence or two each:
 /// stopped early, errors that did not fall, parameters that the data do not determine, parameters
-/// at a bound, simulations that diverged, guessed starts, validation frames that fit much worse;
+/// at a bound, a condition number above largest_condition, simulations that diverged, guessed starts, validation frames that fit much worse;
 /// then `remarks`.
 std::vector<std::string> report_warnings(const Report& report);
 

@@ -224,7 +224,12 @@ double fraction(const ReportParameter& p, double value) {
 
 std::string range_bar(const ReportParameter& p) {
   std::string bar;
-  if (p.free && p.determined && p.variability_percent && std::isfinite(*p.variability_percent)) {
+  if (p.free && p.determined && p.interval_lower && p.interval_upper) {
+    const double left = fraction(p, *p.interval_lower), right = fraction(p, *p.interval_upper);
+    bar += fmt::format("<span class=\"interval\" style=\"left:{:.2f}%;width:{:.2f}%\"></span>",
+                       100 * left, 100 * (right - left));
+  } else if (p.free && p.determined && p.variability_percent &&
+             std::isfinite(*p.variability_percent)) {
     const double change = *p.variability_percent / 100 * std::abs(p.value);
     const double left = fraction(p, p.value - change), right = fraction(p, p.value + change);
     bar += fmt::format("<span class=\"interval\" style=\"left:{:.2f}%;width:{:.2f}%\"></span>",
@@ -298,8 +303,8 @@ std::string found_section(const Report& report) {
       "the "
       "parameter that raises the error by 1 %: the smaller, the better the data determine it. In "
       "the "
-      "bars, the dot is the estimate, the shade its variability, the tick where the search "
-      "started.";
+      "bars, the dot is the estimate, the tick where the search started, the shade ";
+  html += with_intervals ? "the interval." : "the variability.";
   if (with_intervals) {
     html +=
         " The 90 % interval comes from leaving out each frame in turn, to first order: it holds "
@@ -507,10 +512,32 @@ std::string match_section(const Report& report, const std::vector<CapturePicture
 
 // ---- How sure
 
+std::string condition_text(const ReportCertainty& certainty) {
+  return fmt::format(
+      "<p class=\"minor\" id=\"condition\">Condition number of the problem: {}{}. Intervals of {:.0f} "
+      "% from {} blocks of frames.</p>\n",
+      format_value(certainty.condition, 2),
+      certainty.condition > largest_condition
+          ? " (above 10¹²: some combination of parameters is not determined)"
+          : "",
+      100 * certainty.confidence, certainty.clusters);
+}
+
 std::string sure_section(const Report& report, PlotPlacer& place) {
   BarChart chart = variability_chart(report.parameters);
-  if (chart.bars.empty() && report.perturbations.empty() && report.surfaces.empty()) return "";
-  std::string html = "<section id=\"sure\"><h2>How sure</h2>\n<div class=\"figures\">\n";
+  if (chart.bars.empty() && report.perturbations.empty() && report.surfaces.empty() &&
+      !report.certainty)
+    return "";
+  std::string html = "<section id=\"sure\"><h2>How sure</h2>\n";
+  if (report.certainty) html += condition_text(*report.certainty);
+  html += "<div class=\"figures\">\n";
+  if (report.certainty && report.certainty->parameters.size() > 1) {
+    HeatMap map = correlation_map(*report.certainty);
+    map.width = kPlotWidth;
+    html += place(map,
+                  "Near 1 or −1, two parameters change together without a change of the error: "
+                  "their combination is better known than each of them.");
+  }
   if (!chart.bars.empty()) {
     chart.width = kPlotWidth;
     html +=

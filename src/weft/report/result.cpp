@@ -97,6 +97,20 @@ Json json_of(const ReportParameter& p) {
   return object;
 }
 
+Json json_of(const std::optional<ReportCertainty>& certainty) {
+  if (!certainty) return nullptr;
+  Json object;
+  put(object, "confidence", certainty->confidence);
+  object["clusters"] = certainty->clusters;
+  put(object, "condition", certainty->condition);
+  put(object, "noise", certainty->noise);
+  object["parameters"] = certainty->parameters;
+  put(object, "correlation", row_major(certainty->correlation));
+  put(object, "covariance", row_major(certainty->covariance));
+  put(object, "information", row_major(certainty->information));
+  return object;
+}
+
 Json json_of(const ReportDistance& distance) {
   Json object;
   put(object, "distance_mean", distance.mean);
@@ -373,6 +387,20 @@ ReportParameter parameter_from(const std::string& name, const Reader& in) {
   return p;
 }
 
+ReportCertainty certainty_from(const Reader& in) {
+  ReportCertainty certainty;
+  in.get("confidence", certainty.confidence);
+  in.get("clusters", certainty.clusters);
+  in.get("condition", certainty.condition);
+  in.get("noise", certainty.noise);
+  in.get("parameters", certainty.parameters);
+  const std::size_t n = certainty.parameters.size();
+  in.get("correlation", certainty.correlation, n, n);
+  in.get("covariance", certainty.covariance, n, n);
+  in.get("information", certainty.information, n, n);
+  return certainty;
+}
+
 ReportFrame frame_from(const Reader& in) {
   ReportFrame frame;
   in.get("index", frame.index);
@@ -531,6 +559,7 @@ std::string result_to_json(const Report& report) {
   json["settings"] = json_of(report.settings);
   json["parameters"] = Json::object();
   for (const ReportParameter& p : report.parameters) json["parameters"][p.name] = json_of(p);
+  json["certainty"] = json_of(report.certainty);
   json["captures"] = array_of(report.captures);
   json["history"] = json_of(report.history);
   json["perturbations"] = array_of(report.perturbations);
@@ -570,6 +599,7 @@ Report result_from_json(std::string_view text, const std::filesystem::path& name
   for (const auto& item : parameters.json().items()) {
     report.parameters.push_back(parameter_from(item.key(), parameters.object(item.key())));
   }
+  if (in.has("certainty")) report.certainty = certainty_from(in.object("certainty"));
   for (const Reader& capture : in.objects("captures")) {
     report.captures.push_back(capture_from(capture));
   }
