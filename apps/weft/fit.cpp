@@ -23,6 +23,7 @@
 #include "weft/base/progress.h"
 #include "weft/estimate/least_squares_fit.h"
 #include "weft/estimate/uncertainty.h"
+#include "weft/estimate/variability.h"
 #include "weft/report/report_html.h"
 #include "weft/report/result.h"
 
@@ -33,7 +34,8 @@ namespace {
 // The jackknife wants several blocks, though.
 constexpr int kMostFramesPerBlock = 5;
 constexpr int kLeastBlocks = 8;
-constexpr int kStoppedEarly = 130;  // as the shell reports a program ended by Ctrl-C
+constexpr double kLargestVariability = 100;  // %: beyond, the data do not determine the parameter
+constexpr int kStoppedEarly = 130;           // as the shell reports a program ended by Ctrl-C
 const std::string kStoreName = "evaluations.sqlite";
 
 struct Arguments {
@@ -50,6 +52,7 @@ struct Arguments {
   int coarse_levels = 4;
   std::uint64_t seed = 1;
   bool no_variability = false;
+  bool variability_curves = false;
   bool overwrite = false;
   std::string name;
   TrialArguments trial;
@@ -66,7 +69,8 @@ FitOptions fit_options(const Arguments& arguments, FitOptions options) {
   AnnealingOptions& annealing = options.annealing;
   annealing.max_evaluations = arguments.iterations.value_or(annealing.max_evaluations);
   annealing.simplex_size = arguments.simplex.value_or(annealing.simplex_size);
-  options.with_variability = !arguments.no_variability;
+  options.with_variability = !arguments.no_variability &&
+                             (arguments.method == "annealing" || arguments.variability_curves);
   options.seed = arguments.seed;
   options.threads = arguments.trial.threads();
   return options;
@@ -81,14 +85,19 @@ AutoFitOptions auto_options(const Arguments& arguments) {
   return options;
 }
 
-/// Nothing where there are no derivatives, or too few frames to tell.
-std::optional<Uncertainty> uncertainty_of(const Problem& problem, const FitResult& fit,
-                                          const TrialArguments& trial) {
+/// Nothing where there are no derivatives.
+std::optional<ProblemLinearization> linearize_at(const Problem& problem, const FitResult& fit,
+                                                 const TrialArguments& trial) {
   if (fit.stopped || !std::isfinite(fit.final.error)) return {};
   if (trial.options().simulation.integrator == Integrator::runge_kutta) return {};
   LinearizationOptions options;
   options.threads = trial.threads();
-  const ProblemLinearization found = linearize(problem, fit.scaled, options);
+  return linearize(problem, fit.scaled, options);
+}
+
+/// Nothing where there are too few frames to tell.
+std::optional<Uncertainty> uncertainty_of(const Problem& problem, const FitResult& fit,
+                                          const ProblemLinearization& found) {
   UncertaintyOptions how;
   how.frames_per_cluster =
       std::clamp(static_cast<int>(found.parts.size()) / kLeastBlocks, 1, kMostFramesPerBlock);
@@ -115,6 +124,15 @@ void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
       p.interval_upper =
           interval.determined ? interval.upper : std::numeric_limits<double>::infinity();
     }
+  }
+}
+
+void add_variability(const Problem& problem, const VecX& percent, Report& report) {
+  for (ReportParameter& p : report.parameters) {
+    const int i = problem.index_of(p.name);
+    if (i < 0) continue;
+    p.variability_percent = percent[i];
+    p.determined = p.determined && percent[i] <= kLargestVariability;
   }
 }
 
@@ -304,8 +322,12 @@ void run(const Arguments& arguments) {
     pictures.push_back(pictures_of(*all, trajectory));
   }
   Report report = report_of_fit(problem, fit, evaluations);
-  if (const auto uncertainty = uncertainty_of(problem, fit, arguments.trial))
-    add_uncertainty(*uncertainty, report);
+  if (const auto found = linearize_at(problem, fit, arguments.trial)) {
+    if (const auto uncertainty = uncertainty_of(problem, fit, *found))
+      add_uncertainty(*uncertainty, report);
+    if (!arguments.no_variability && fit.variability.empty())
+      add_variability(problem, variability_from_derivatives(problem, fit.scaled, *found), report);
+  }
   std::vector<std::string> names;
   for (const Capture& capture : captures) names.push_back(capture.name);
   report.title = fmt::format("Fit of {}", fmt::join(names, ", "));
@@ -376,6 +398,9 @@ void add_fit(CLI::App& app) {
       ->capture_default_str();
   command->add_flag("--no-variability", arguments->no_variability,
                     "leave out the variability of the parameters");
+  command->add_flag("--variability-curves", arguments->variability_curves,
+                    "variability by perturbing each parameter, with curves, some 130 evaluations "
+                    "(always with --method annealing; else from the derivatives at the estimate)");
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
   command->footer(
@@ -385,6 +410,8 @@ void add_fit(CLI::App& app) {
       if (arguments->method != "annealing" && command->count(name) > 0)
         throw Error(fmt::format("{}: only with --method annealing", name));
     }
+    if (arguments->no_variability && arguments->variability_curves)
+      throw Error("--no-variability and --variability-curves exclude each other");
     if (arguments->coarse == std::vector<std::string>{"none"}) arguments->coarse.clear();
     run(*arguments);
   });

@@ -12,6 +12,7 @@
 #include "weft/estimate/least_squares_fit.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/estimate/uncertainty.h"
+#include "weft/estimate/variability.h"
 
 namespace weft {
 namespace {
@@ -162,6 +163,34 @@ TEST_F(LinearizeTest, AParameterThatMovesNothingHasNoDerivative) {
   EXPECT_EQ(found.model.gradient[0], 0);
   EXPECT_EQ(found.model.hessian(0, 0), 0);
   EXPECT_GT(found.model.hessian(1, 1), 0);
+}
+
+TEST_F(LinearizeTest, VariabilityFromDerivativesIsThatOfAParabola) {
+  // E (1 + 0.01) = E + H t^2 / 2, and bend = lower (upper / lower)^t.
+  const Problem p = problem();
+  ProblemLinearization at;
+  at.evaluation.error = 3;
+  at.model.hessian = MatX::Zero(2, 2);
+  at.model.hessian(1, 1) = 600;
+  const VecX percent = variability_from_derivatives(p, wrong(), at);
+  const ParameterInfo& bend = p.info(1);
+  EXPECT_NEAR(percent[1], std::sqrt(2 * 0.01 * 3 / 600.0) * 100 * std::log(bend.upper / bend.lower),
+              1e-5 * percent[1]);
+  EXPECT_TRUE(std::isinf(percent[0]));
+  EXPECT_THROW(variability_from_derivatives(p, wrong(), at, 0), Error);
+}
+
+TEST_F(LinearizeTest, VariabilityFromDerivativesIsNearThatOfPerturbations) {
+  const Problem p = problem();
+  Fabric fabric = true_fabric();
+  fabric.set("bend_stiffness", 2.2e-5);
+  const VecX scaled = p.scaled(fabric);
+  const VecX quick = variability_from_derivatives(p, scaled, linearize(p, scaled));
+  const PerturbationCurve bend = variability(p, fabric)[1];
+  // The error of four frames of a small image is rough, so a factor is all to ask.
+  ASSERT_TRUE(bend.determined);
+  EXPECT_GT(quick[1], 0.25 * bend.variability_percent);
+  EXPECT_LT(quick[1], 4 * bend.variability_percent);
 }
 
 TEST_F(LinearizeTest, UnstableMotionCountsLess) {

@@ -254,4 +254,18 @@ std::vector<PerturbationCurve> variability(const Problem& problem, const Fabric&
   return result;
 }
 
+VecX variability_from_derivatives(const Problem& problem, const VecX& scaled,
+                                  const ProblemLinearization& at_estimate, double rise) {
+  if (!(rise > 0)) throw Error(fmt::format("variability: rise is {:g}, must be above 0", rise));
+  VecX percent = VecX::Constant(problem.dimension(), kInfinity);
+  for (int i = 0; i < problem.dimension(); ++i) {
+    const double curvature = at_estimate.model.hessian(i, i);
+    const double value = from_scaled(problem.info(i), scaled[i]);
+    if (!(curvature > 0) || value == 0) continue;
+    const double change = std::sqrt(2 * rise * at_estimate.evaluation.error / curvature);
+    percent[i] = 100 * change * scaled_slope(problem.info(i), scaled[i]) / std::abs(value);
+  }
+  return percent;
+}
+
 }  // namespace weft
