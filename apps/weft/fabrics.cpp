@@ -32,11 +32,11 @@ void apply_scale(Fabric& fabric, const std::string& text) {
   fabric.provenance += fmt::format("; {} times {:g}", parameter, factor);
 }
 
-void print_parameters() {
-  fmt::print("parameters of baraff-witkin\n");
+void print_parameters(std::string_view model) {
+  fmt::print("parameters of {}\n", model);
   fmt::print("  {:<19} {:<11} {:>8} {:>8} {:>9}  {}\n", "name", "unit", "lower", "upper", "default",
              "meaning");
-  for (const ParameterInfo& p : baraff_witkin_parameters()) {
+  for (const ParameterInfo& p : model_parameters(model)) {
     fmt::print("  {:<19} {:<11} {:>8g} {:>8g} {:>9g}  {} ({})\n", p.name, p.unit, p.lower, p.upper,
                p.default_value, p.meaning, p.source);
   }
@@ -88,7 +88,8 @@ void run(const Arguments& arguments) {
     fmt::print("{}\n", all.dump(2));
     return;
   }
-  print_parameters();
+  print_parameters("baraff-witkin");
+  print_parameters("baraff-witkin-diagonals");
   fmt::print("\npresets\n  {:<18}", "name");
   for (const char* column : {"stretch", "shear", "bend", "k_stretch", "k_shear", "k_bend", "drag_T",
                              "drag_N", "drag_f"}) {

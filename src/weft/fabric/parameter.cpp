@@ -10,7 +10,6 @@
 namespace weft {
 namespace {
 
-constexpr std::string_view kModel = "baraff-witkin";
 constexpr double kShift = 0.1;  // of the parameter's unit, see Scale::shifted_log
 
 constexpr std::array<ParameterInfo, 9> kBaraffWitkin = {{
@@ -43,6 +42,34 @@ constexpr std::array<ParameterInfo, 9> kBaraffWitkin = {{
      "Bhat 2003, section 3, drag law"},
 }};
 
+/// Those of `baraff-witkin`, in which the resistance to shear may be nearly nothing, and the
+/// diagonals.
+constexpr std::array<ParameterInfo, 11> with_diagonals() {
+  std::array<ParameterInfo, 11> out{};
+  for (std::size_t i = 0; i < kBaraffWitkin.size(); ++i) out[i] = kBaraffWitkin[i];
+  out[1].lower = 0.01;
+  out[1].default_value = 1;
+  out[9] = {"diagonal_stiffness",
+            "N/m",
+            1,
+            5000,
+            100,
+            Scale::logarithmic,
+            "Force per width that resists an elongation at 45 degrees to the threads; none against "
+            "shortening.",
+            "springs along both diagonals that act in tension only: strain/diagonal.h"};
+  out[10] = {"diagonal_damping",
+             "N s/m",
+             1e-3,
+             20,
+             0.1,
+             Scale::logarithmic,
+             "Force per width that resists the rate of elongation at 45 degrees while in tension.",
+             "as stretch_damping, along taut diagonals"};
+  return out;
+}
+constexpr std::array<ParameterInfo, 11> kDiagonals = with_diagonals();
+
 double search_coordinate(Scale scale, double value) {
   return scale == Scale::logarithmic ? std::log(value) : std::log1p(value / kShift);
 }
@@ -56,9 +83,10 @@ double from_search_coordinate(Scale scale, double t) {
 std::span<const ParameterInfo> baraff_witkin_parameters() { return kBaraffWitkin; }
 
 std::span<const ParameterInfo> model_parameters(std::string_view model) {
-  if (model != kModel)
-    throw Error(fmt::format("model \"{}\" is not known; known: \"{}\"", model, kModel));
-  return kBaraffWitkin;
+  if (model == "baraff-witkin") return kBaraffWitkin;
+  if (model == "baraff-witkin-diagonals") return kDiagonals;
+  throw Error(fmt::format(
+      "model \"{}\" is not known; known: \"baraff-witkin\", \"baraff-witkin-diagonals\"", model));
 }
 
 int parameter_index(std::string_view model, std::string_view name) {

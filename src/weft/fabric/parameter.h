@@ -30,7 +30,9 @@ struct ParameterInfo {
 /// bend_damping, drag_linear, drag_quadratic, drag_degradation.
 std::span<const ParameterInfo> baraff_witkin_parameters();
 
-/// Models known by name; at present "baraff-witkin". Throws Error for another name.
+/// Models known by name: "baraff-witkin", and "baraff-witkin-diagonals", which has two more
+/// parameters after those nine: diagonal_stiffness, diagonal_damping. Throws Error for another
+/// name.
 std::span<const ParameterInfo> model_parameters(std::string_view model);
 
 /// Index in the model's table; throws Error naming the known ones.

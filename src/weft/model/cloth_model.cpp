@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "weft/base/error.h"
+#include "weft/model/diagonals.h"
 #include "weft/model/drag.h"
 #include "weft/model/elements.h"
 #include "weft/model/membrane.h"
@@ -107,17 +108,20 @@ class BlockWriter {
   const detail::ColumnLayout* columns_;
 };
 
-/// The coefficients of a baraff-witkin fabric.
+/// The coefficients of a fabric; those of the diagonals are zero for a model without them.
 struct Coefficients {
   DampedStiffness stretch, shear, bend;
   DragLaw drag;
+  DampedStiffness diagonal;
 
   static Coefficients from(const VecX& p) {
-    return {{p[0], p[3], 0}, {p[1], p[4], 0}, {p[2], p[5], 0}, {p[6], p[7], p[8]}};
+    Coefficients out{{p[0], p[3], 0}, {p[1], p[4], 0}, {p[2], p[5], 0}, {p[6], p[7], p[8]}, {}};
+    if (p.size() > 9) out.diagonal = {p[9], p[10], 0};
+    return out;
   }
   Coefficients with_rate(double rate) const {
     Coefficients out = *this;
-    out.stretch.rate = out.shear.rate = out.bend.rate = rate;
+    out.stretch.rate = out.shear.rate = out.bend.rate = out.diagonal.rate = rate;
     return out;
   }
 };
@@ -145,6 +149,21 @@ TriangleCurvature<Lanes> curvature_of(const BendingGroup& group, const Points& x
   return triangle_curvature(group.map, positions(group, x));
 }
 
+detail::DiagonalStrains<Lanes> diagonals_of(const TriangleGroup& group, const Points& x) {
+  const TrianglePositions p = positions(group, x);
+  return detail::diagonal_strains(deformation_gradient(group.shape, p.x0, p.x1, p.x2));
+}
+
+void add_blocks(const detail::TriangleHessian<Lanes>& block, const TriangleGroup& group,
+                BlockWriter& writer) {
+  writer.add(block.b00, group.vertices[0]);
+  writer.add(block.b11, group.vertices[1]);
+  writer.add(block.b22, group.vertices[2]);
+  writer.add(block.b10, group.slots[0], group.vertices[1], group.vertices[0]);
+  writer.add(block.b20, group.slots[1], group.vertices[2], group.vertices[0]);
+  writer.add(block.b21, group.slots[2], group.vertices[2], group.vertices[1]);
+}
+
 void add_gradient(const TriangleGroup& group, const detail::MembraneGradient<Lanes>& g,
                   Points& gradient) {
   const auto& s = group.shape;
@@ -170,6 +189,18 @@ detail::MembraneTension<Lanes> strain_rates(const TriangleGroup& group,
   const auto rate = deformation_gradient(group.shape, p.x0, p.x1, p.x2);
   return {dot(c.u.direction, rate.wu), dot(c.v.direction, rate.wv),
           dot(c.w.wv, rate.wu) + dot(c.w.wu, rate.wv)};
+}
+
+/// Rates of the two strains of the diagonals.
+std::array<Lanes, 2> diagonal_rates(const TriangleGroup& group,
+                                    const detail::DiagonalStrains<Lanes>& c, const Points& v) {
+  const TrianglePositions p = positions(group, v);
+  const auto rate = deformation_gradient(group.shape, p.x0, p.x1, p.x2);
+  const Lanes one = broadcast<Lanes>(1), none{};
+  const auto along = [&](const detail::MembraneGradient<Lanes>& g) -> Lanes {
+    return dot(g.u, rate.wu) + dot(g.v, rate.wv);
+  };
+  return {along(diagonal_gradient(c, one, none)), along(diagonal_gradient(c, none, one))};
 }
 
 std::array<Lanes, 3> curvature_rates(const BendingGroup& group,
@@ -200,22 +231,31 @@ enum Index {
   kDragTangential,
   kDragNormal,
   kDragDegradation,
-  kParameters
+  kDiagonal,  ///< from here on: of a model with diagonals only
+  kDiagonalDamping
 };
 
-ComponentTable component_table(const detail::Elements& elements, int count) {
+ComponentTable component_table(const detail::Elements& elements, bool diagonals, int count) {
   ComponentTable table;
   table.weight.resize(count);
   int component = 0;
   const auto add = [&](double weight, int stiffness) {
     table.weight[component++] = weight;
     table.stiffness.push_back(stiffness);
-    table.damping.push_back(stiffness + kStretchDamping);
+    table.damping.push_back(stiffness == kDiagonal ? kDiagonalDamping
+                                                   : stiffness + kStretchDamping);
   };
   for (const TriangleGroup& group : elements.triangles)
     for (int lane = 0; lane < group.count; ++lane)
       for (const int stiffness : {kStretch, kStretch, kShear})
         add(group.shape.area[lane], stiffness);
+  if (diagonals)
+    for (const TriangleGroup& group : elements.triangles)
+      for (int lane = 0; lane < group.count; ++lane) {
+        add(group.shape.area[lane], kDiagonal);
+        add(group.shape.area[lane], kDiagonal);
+        add(0, kDiagonal);  // a group of components is one of three
+      }
   for (const BendingGroup& group : elements.bending)
     for (int lane = 0; lane < group.count; ++lane)
       for (int k = 0; k < 3; ++k) add(group.area[lane], kBend);
@@ -242,6 +282,8 @@ Matrix3<Lanes> cross_matrix(const Vector3<Lanes>& a) {
 
 struct ClothModel::Impl {
   TriangleMesh mesh;
+  std::string model;
+  bool diagonals = false;  ///< whether the model has them
   VecX values;
   ComponentTable components;
   double areal_density;
@@ -250,7 +292,9 @@ struct ClothModel::Impl {
   detail::Elements elements;
   VecX masses;
 
-  int first_curvature() const { return 3 * mesh.triangle_count(); }
+  int first_diagonal() const { return 3 * mesh.triangle_count(); }
+  int first_curvature() const { return (diagonals ? 6 : 3) * mesh.triangle_count(); }
+  int component_count() const { return first_curvature() + 3 * mesh.triangle_count(); }
 
   /// Strain history of a group of triangles: of its strains, and of its curvatures.
   detail::MembraneTension<Lanes> history(const DampingRate& damping, std::size_t group) const {
@@ -258,6 +302,20 @@ struct ClothModel::Impl {
     return {load(damping.strain_history, first, 3, count),
             load(damping.strain_history, first + 1, 3, count),
             load(damping.strain_history, first + 2, 3, count)};
+  }
+  struct DiagonalTension {
+    Lanes rising, falling;
+  };
+  DiagonalTension diagonal_history(const DampingRate& damping, std::size_t group) const {
+    const int first = first_diagonal() + static_cast<int>(group) * kLanes * 3;
+    const int count = elements.triangles[group].count;
+    return {load(damping.strain_history, first, 3, count),
+            load(damping.strain_history, first + 1, 3, count)};
+  }
+  DiagonalTension tension(const DampedStiffness& k, const detail::DiagonalStrains<Lanes>& c,
+                          const DampingRate& damping, std::size_t group) const {
+    const auto h = diagonal_history(damping, group);
+    return {k.tension(c.rising.value, h.rising), k.tension(c.falling.value, h.falling)};
   }
   std::array<Lanes, 3> curvature_history(const DampingRate& damping, std::size_t group) const {
     const int first = first_curvature() + static_cast<int>(group) * kLanes * 3;
@@ -278,11 +336,16 @@ struct ClothModel::Impl {
   }
 
   double energy(const Coefficients& k, const Points& x, const DampingRate& damping) const;
+  Lanes diagonal_energy(const Coefficients& k, const Points& x, const DampingRate& damping) const;
   void add_triangle_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
+                             Points& gradient) const;
+  void add_diagonal_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
                              Points& gradient) const;
   void add_bending_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
                             Points& gradient) const;
   void add_triangles(const Coefficients& k, const Points& x, const DampingRate& damping,
+                     HessianKind kind, Points& gradient, SparseMatrix& hessian) const;
+  void add_diagonals(const Coefficients& k, const Points& x, const DampingRate& damping,
                      HessianKind kind, Points& gradient, SparseMatrix& hessian) const;
   void add_bending(const Coefficients& k, const Points& x, const DampingRate& damping,
                    HessianKind kind, Points& gradient, SparseMatrix& hessian) const;
@@ -305,6 +368,7 @@ double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
     sum += group.shape.area * (k.stretch.energy(c.u.value, h.u) + k.stretch.energy(c.v.value, h.v) +
                                k.shear.energy(c.shear, h.s));
   }
+  if (diagonals) sum += diagonal_energy(k, x, damping);
   for (std::size_t i = 0; i < elements.bending.size(); ++i) {
     const BendingGroup& group = elements.bending[i];
     const auto c = curvature_of(group, x).value;
@@ -326,6 +390,28 @@ void ClothModel::Impl::add_triangle_gradient(const Coefficients& k, const Points
         membrane_gradient(c, {k.stretch.tension(c.u.value, h.u), k.stretch.tension(c.v.value, h.v),
                               k.shear.tension(c.shear, h.s)}),
         gradient);
+  }
+}
+
+Lanes ClothModel::Impl::diagonal_energy(const Coefficients& k, const Points& x,
+                                        const DampingRate& damping) const {
+  Lanes sum{};
+  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+    const auto c = diagonals_of(elements.triangles[i], x);
+    const auto h = diagonal_history(damping, i);
+    sum += elements.triangles[i].shape.area * (k.diagonal.energy(c.rising.value, h.rising) +
+                                               k.diagonal.energy(c.falling.value, h.falling));
+  }
+  return sum;
+}
+
+void ClothModel::Impl::add_diagonal_gradient(const Coefficients& k, const Points& x,
+                                             const DampingRate& damping, Points& gradient) const {
+  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+    const TriangleGroup& group = elements.triangles[i];
+    const auto c = diagonals_of(group, x);
+    const auto t = tension(k.diagonal, c, damping, i);
+    add_gradient(group, diagonal_gradient(c, t.rising, t.falling), gradient);
   }
 }
 
@@ -355,12 +441,23 @@ void ClothModel::Impl::add_triangles(const Coefficients& k, const Points& x,
         kind == HessianKind::exact
             ? detail::exact_hessian(c, tension, k.stretch.total(), k.shear.total())
             : detail::projected_hessian(c, tension, k.stretch.total(), k.shear.total()));
-    writer.add(block.b00, group.vertices[0]);
-    writer.add(block.b11, group.vertices[1]);
-    writer.add(block.b22, group.vertices[2]);
-    writer.add(block.b10, group.slots[0], group.vertices[1], group.vertices[0]);
-    writer.add(block.b20, group.slots[1], group.vertices[2], group.vertices[0]);
-    writer.add(block.b21, group.slots[2], group.vertices[2], group.vertices[1]);
+    add_blocks(block, group, writer);
+  }
+}
+
+void ClothModel::Impl::add_diagonals(const Coefficients& k, const Points& x,
+                                     const DampingRate& damping, HessianKind kind, Points& gradient,
+                                     SparseMatrix& hessian) const {
+  BlockWriter writer(hessian, elements.columns);
+  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+    const TriangleGroup& group = elements.triangles[i];
+    const auto c = diagonals_of(group, x);
+    const auto t = tension(k.diagonal, c, damping, i);
+    add_gradient(group, diagonal_gradient(c, t.rising, t.falling), gradient);
+    add_blocks(
+        detail::by_vertices(group.shape, detail::diagonals_hessian(c, t.rising, t.falling,
+                                                                   k.diagonal.total(), kind)),
+        group, writer);
   }
 }
 
@@ -397,6 +494,16 @@ void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& 
                                        -(k.shear.k * c.shear + k.shear.kd * rate.s)}),
                  force);
   }
+  if (diagonals)
+    for (const TriangleGroup& group : elements.triangles) {
+      const auto c = diagonals_of(group, x);
+      const auto rate = diagonal_rates(group, c, v);
+      add_gradient(
+          group,
+          diagonal_gradient(c, Lanes(-(k.diagonal.k * c.rising.value + k.diagonal.kd * rate[0])),
+                            Lanes(-(k.diagonal.k * c.falling.value + k.diagonal.kd * rate[1]))),
+          force);
+    }
   for (const BendingGroup& group : elements.bending) {
     const auto curvature = curvature_of(group, x);
     const auto rate = curvature_rates(group, curvature, v);
@@ -433,7 +540,14 @@ ClothModel::ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double ar
   impl_->gravity = gravity;
   impl_->elements = detail::make_elements(mesh);
   impl_->masses = areal_density * vertex_areas(mesh);
-  impl_->components = component_table(impl_->elements, component_count());
+  impl_->model = fabric.model;
+  impl_->diagonals = fabric.model == "baraff-witkin-diagonals";
+  if (!impl_->diagonals && fabric.model != "baraff-witkin")
+    throw Error(
+        fmt::format("fabric \"{}\" is of model \"{}\"; \"baraff-witkin\" or "
+                    "\"baraff-witkin-diagonals\" is needed",
+                    fabric.name, fabric.model));
+  impl_->components = component_table(impl_->elements, impl_->diagonals, component_count());
   set_fabric(fabric);
 }
 
@@ -442,10 +556,10 @@ ClothModel::ClothModel(ClothModel&&) noexcept = default;
 ClothModel& ClothModel::operator=(ClothModel&&) noexcept = default;
 
 void ClothModel::set_fabric(const Fabric& fabric) {
-  const auto infos = baraff_witkin_parameters();
-  if (fabric.model != "baraff-witkin")
-    throw Error(fmt::format("fabric \"{}\" is of model \"{}\"; \"baraff-witkin\" is needed",
-                            fabric.name, fabric.model));
+  const auto infos = model_parameters(impl_->model);
+  if (fabric.model != impl_->model)
+    throw Error(fmt::format("fabric \"{}\" is of model \"{}\"; \"{}\" is needed", fabric.name,
+                            fabric.model, impl_->model));
   if (fabric.values.size() != static_cast<Eigen::Index>(infos.size()))
     throw Error(fmt::format("fabric \"{}\" has {} values, its model {}", fabric.name,
                             fabric.values.size(), infos.size()));
@@ -459,7 +573,7 @@ void ClothModel::set_fabric(const Fabric& fabric) {
 
 const TriangleMesh& ClothModel::mesh() const { return impl_->mesh; }
 int ClothModel::vertex_count() const { return impl_->mesh.vertex_count(); }
-int ClothModel::component_count() const { return 6 * impl_->mesh.triangle_count(); }
+int ClothModel::component_count() const { return impl_->component_count(); }
 const VecX& ClothModel::masses() const { return impl_->masses; }
 const Vec3& ClothModel::gravity() const { return impl_->gravity; }
 const SparseMatrix& ClothModel::hessian_pattern() const { return impl_->elements.pattern; }
@@ -483,6 +597,15 @@ void ClothModel::strains(const Points& x, VecX& c) const {
     store(s.v.value, first + 1, 3, count, c);
     store(s.shear, first + 2, 3, count, c);
   }
+  if (impl_->diagonals)
+    for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+      const auto s = diagonals_of(elements.triangles[i], x);
+      const int first = impl_->first_diagonal() + static_cast<int>(i) * kLanes * 3;
+      const int count = elements.triangles[i].count;
+      store(s.rising.value, first, 3, count, c);
+      store(s.falling.value, first + 1, 3, count, c);
+      store(Lanes{}, first + 2, 3, count, c);
+    }
   for (std::size_t i = 0; i < elements.bending.size(); ++i) {
     const auto value = curvature_of(elements.bending[i], x).value;
     const int first = impl_->first_curvature() + static_cast<int>(i) * kLanes * 3;
@@ -500,6 +623,7 @@ void ClothModel::potential_gradient(const Points& x, const DampingRate& damping,
   const Coefficients k = impl_->coefficients.with_rate(damping.rate);
   impl_->set_gravity_gradient(gradient);
   impl_->add_triangle_gradient(k, x, damping, gradient);
+  if (impl_->diagonals) impl_->add_diagonal_gradient(k, x, damping, gradient);
   impl_->add_bending_gradient(k, x, damping, gradient);
 }
 
@@ -509,6 +633,7 @@ void ClothModel::potential_hessian(const Points& x, const DampingRate& damping, 
   const Coefficients k = impl_->coefficients.with_rate(damping.rate);
   impl_->set_gravity_gradient(gradient);
   impl_->add_triangles(k, x, damping, kind, gradient, hessian);
+  if (impl_->diagonals) impl_->add_diagonals(k, x, damping, kind, gradient, hessian);
   impl_->add_bending(k, x, damping, kind, gradient, hessian);
 }
 
@@ -546,11 +671,11 @@ void ClothModel::forces(const Points& x, const Points& v, Points& force) const {
 
 void ClothModel::force_derivative(const Points& x, const Points& v, int parameter,
                                   Points& derivative) const {
-  assert(parameter >= 0 && parameter < kParameters);
+  assert(parameter >= 0 && parameter < impl_->values.size());
   drag_derivative(x, v, parameter, derivative);
-  if (parameter >= kDragTangential) return;
+  if (parameter >= kDragTangential && parameter <= kDragDegradation) return;
   // Forces are linear in these parameters: those of a fabric that has this one alone.
-  const Coefficients k = Coefficients::from(VecX::Unit(kParameters, parameter));
+  const Coefficients k = Coefficients::from(VecX::Unit(impl_->values.size(), parameter));
   impl_->add_internal_forces(k, x, v, derivative);
 }
 
@@ -577,7 +702,7 @@ void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) cons
     to = {g.x[lane], g.y[lane], g.z[lane]};
   };
   const auto& elements = impl_->elements;
-  jacobian.triangles.resize(at(impl_->mesh.triangle_count()));
+  jacobian.triangles.resize(at(impl_->first_curvature() / 3));
   jacobian.bending.resize(at(impl_->mesh.triangle_count()));
   for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
     const TriangleGroup& group = elements.triangles[i];
@@ -590,6 +715,24 @@ void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) cons
         auto& element = jacobian.triangles[i * kLanes + at(lane)];
         element.vertices[vertex] = group.vertices[vertex][at(lane)];
         for (std::size_t k = 0; k < 3; ++k) put(gradient[k], lane, element.gradient[k][vertex]);
+      }
+    }
+  }
+  const std::size_t triangle_count = at(impl_->mesh.triangle_count());
+  for (std::size_t i = 0; impl_->diagonals && i < elements.triangles.size(); ++i) {
+    const TriangleGroup& group = elements.triangles[i];
+    const auto c = diagonals_of(group, x);
+    const Lanes one = broadcast<Lanes>(1), none{};
+    const auto rising = diagonal_gradient(c, one, none), falling = diagonal_gradient(c, none, one);
+    const auto du = group.shape.du(), dv = group.shape.dv();
+    for (std::size_t vertex = 0; vertex < 3; ++vertex) {
+      const Vector3<Lanes> gradient[2] = {du[vertex] * rising.u + dv[vertex] * rising.v,
+                                          du[vertex] * falling.u + dv[vertex] * falling.v};
+      for (int lane = 0; lane < group.count; ++lane) {
+        auto& element = jacobian.triangles[triangle_count + i * kLanes + at(lane)];
+        element.vertices[vertex] = group.vertices[vertex][at(lane)];
+        for (std::size_t k = 0; k < 2; ++k) put(gradient[k], lane, element.gradient[k][vertex]);
+        element.gradient[2][vertex] = {0, 0, 0};
       }
     }
   }
@@ -660,6 +803,11 @@ double ClothModel::damping_power(const Points& x, const Points& v) const {
     power += group.shape.area *
              (k.stretch.kd * (rate.u * rate.u + rate.v * rate.v) + k.shear.kd * rate.s * rate.s);
   }
+  if (impl_->diagonals)
+    for (const TriangleGroup& group : impl_->elements.triangles) {
+      const auto rate = diagonal_rates(group, diagonals_of(group, x), v);
+      power += group.shape.area * (k.diagonal.kd * (rate[0] * rate[0] + rate[1] * rate[1]));
+    }
   for (const BendingGroup& group : impl_->elements.bending) {
     const auto rate = curvature_rates(group, curvature_of(group, x), v);
     power += group.area * k.bend.kd * (rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]);

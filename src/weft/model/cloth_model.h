@@ -29,6 +29,10 @@ struct DampingRate {
 /// the flexural rigidity in N m. Energies are linear in area: the parameters do not depend on the
 /// mesh.
 ///
+/// A fabric of model "baraff-witkin-diagonals" has diagonals besides (strain/diagonal.h), which
+/// resist elongation at 45 degrees to the threads and no shortening: two components a triangle and
+/// an empty third one of no weight, between those of the membrane and the curvatures.
+///
 /// All functions are const and keep no state between calls: one model may serve several threads.
 /// A triangle that has collapsed gives finite values (stretch.h, dihedral_angle.h).
 class ClothModel {
@@ -41,7 +45,8 @@ class ClothModel {
   ClothModel(ClothModel&&) noexcept;
   ClothModel& operator=(ClothModel&&) noexcept;
 
-  /// Throws Error if the fabric is of another model or a value is negative or not finite.
+  /// Throws Error if the fabric is of another model than that of the constructor, or a value is
+  /// negative or not finite.
   void set_fabric(const Fabric& fabric);
   const TriangleMesh& mesh() const;
   int vertex_count() const;
