@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -14,9 +15,13 @@ constexpr double kMaxStepGrowth = 2.2;
 // Conjugate gradients stop when the residual (in the norm of the preconditioner) has fallen by
 // this.
 constexpr double kLinearTolerance = 0.01;
-constexpr int kMaxLinearIterations = 5;  // more cost as much as a new factor
-constexpr double kMaxRateChange = 1.3;   // between the step of a factor and the step it serves
-constexpr double kNearSolution = 3e-5;   // m; after a change below it, try the factor at hand alone
+// More iterations than this cost about half as much as a new factor. A factor's cost over that of a
+// solve grows as the side of the mesh.
+int most_linear_iterations(int vertices) {
+  return std::clamp(static_cast<int>(0.2 * std::sqrt(vertices)), 5, 40);
+}
+constexpr double kMaxRateChange = 1.3;  // between the step of a factor and the step it serves
+constexpr double kNearSolution = 3e-5;  // m; after a change below it, try the factor at hand alone
 // A change by the factor at hand is an estimate of the distance that is left, good to this.
 constexpr double kLastChange = 0.3;
 constexpr double kSufficientDecrease = 1e-4;
@@ -32,6 +37,7 @@ ImplicitStepper::ImplicitStepper(const ClothModel& model, const std::vector<Poin
       fixtures_(fixtures),
       options_(options),
       held_(held_vertices(fixtures, model.vertex_count())),
+      max_linear_iterations_(most_linear_iterations(model.vertex_count())),
       preconditioner_(model.hessian_pattern(), held_, model.mesh().material),
       hessian_(model.hessian_pattern()),
       projected_hessian_(model.hessian_pattern()),
@@ -142,6 +148,7 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   if (previous && c.previous != 0) c_history_ += c.previous * previous->c;
   next.time = time;
   predict(time, f.rate, next.x);
+  work_.energies += 2;
   if (!newton(next, f.rate, counts, reason)) return false;
   next.v = f.rate * next.x - x_history_;
   prescribe_velocities(fixtures_, time, next.v);
@@ -257,6 +264,7 @@ ImplicitStepper::Factor ImplicitStepper::refactorize(const Points& x, double rat
   ++counts.factorizations;
   if (preconditioner_.factorize(hessian_)) return Factor::of_matrix;
   assemble(x, rate, HessianKind::positive_semidefinite, unused_gradient_, projected_hessian_);
+  ++work_.hessians;
   ++counts.factorizations;
   if (preconditioner_.factorize(projected_hessian_)) return Factor::of_projection;
   factor_rate_ = 0;
@@ -274,7 +282,8 @@ bool ImplicitStepper::find_direction() {
   direction_.setZero(3, gradient_.cols());
   double square = residual_.cwiseProduct(scaled_residual_).sum();
   const double goal = kLinearTolerance * kLinearTolerance * square;
-  for (int iteration = 0; iteration < kMaxLinearIterations; ++iteration) {
+  for (int iteration = 0; iteration < max_linear_iterations_; ++iteration) {
+    ++work_.linear_iterations;
     flat(product_).noalias() = hessian_.selfadjointView<Eigen::Lower>() * flat(search_);
     for (const PointFixture& fixture : fixtures_) product_.col(fixture.vertex).setZero();
     const double curvature = search_.cwiseProduct(product_).sum();
@@ -306,6 +315,7 @@ double ImplicitStepper::search_line(const Points& x, double rate) {
   for (double fraction = 1; fraction > kSmallestFraction; fraction *= 0.5) {
     trial_ = x + fraction * direction_;
     energy_ = step_energy(trial_, rate);
+    ++work_.energies;
     const double change = energy_ - before - fraction * drag_slope;
     if (change <= kSufficientDecrease * fraction * slope) return fraction;
   }
@@ -327,6 +337,7 @@ bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::
     if (near) {
       if (followed()) {
         linearize(next, rate, HessianKind::exact);
+        ++work_.hessians;
         last_factor_ = refactorize(next.x, rate, counts);
         if (last_factor_ == Factor::none) return fail(not_definite);
       } else {
@@ -340,9 +351,11 @@ bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::
       }
     }
     // Far from the solution the exact Hessian is often indefinite.
-    if (!near || !followed())
+    if (!near || !followed()) {
       linearize(next, rate,
                 iteration == 0 ? HessianKind::positive_semidefinite : HessianKind::exact);
+      ++work_.hessians;
+    }
     const double rate_change = factor_rate_ > 0 ? std::abs(std::log(rate / factor_rate_)) : 1;
     const bool usable = rate_change < std::log(kMaxRateChange);
     if (!usable || !find_direction()) {

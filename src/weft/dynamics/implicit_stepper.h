@@ -73,6 +73,13 @@ class ImplicitStepper {
   /// Linear systems of the derivatives that were not solved as they should (sensitivity.h).
   long inexact() const { return inexact_; }
   const State& state() const { return current_; }
+  /// What the steps were made of so far, besides what Trajectory counts.
+  struct Work {
+    long hessians = 0;           // assembled
+    long linear_iterations = 0;  // conjugate gradients: a product and a solve each
+    long energies = 0;           // evaluations of a step's energy
+  };
+  const Work& work() const { return work_; }
   /// False, with a reason, if the state at `time` could not be reached.
   bool advance(double time, Trajectory& counts, const StepObserver& observer, std::string& reason);
 
@@ -103,6 +110,7 @@ class ImplicitStepper {
   const std::vector<PointFixture>& fixtures_;
   SimulationOptions options_;
   std::vector<char> held_;
+  int max_linear_iterations_;
   SparseCholesky<float> preconditioner_;
   double factor_rate_ = 0;  // of the step that the factor was made for; 0: none yet
   State current_;
@@ -112,6 +120,7 @@ class ImplicitStepper {
   VecX c_history_;
   double strain_rate_ = 0;
   double energy_ = 0;  // of the step, at the positions at hand, but for drag
+  Work work_;
   // Work space.
   SparseMatrix hessian_, projected_hessian_;
   Points velocity_, gradient_, unused_gradient_, drag_, direction_, trial_;
