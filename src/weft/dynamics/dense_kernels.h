@@ -5,6 +5,7 @@
 /// Matrices are column-major with leading dimension `ld`. Rows are worked on kTileRows at a time,
 /// and the last tile may reach past the last row: every column, and the end of the storage, has
 /// kTileRows - 1 spare entries, zero at the start and left zero.
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -79,6 +80,29 @@ inline Scalar sum(const Vector<Scalar>& v) {
   return total;
 }
 
+/// to[i] += from[i].
+template <class Scalar>
+inline void add(const Scalar* from, int count, Scalar* to) {
+#if defined(__AVX512F__)
+  for (int i = 0; i < count; i += kWidth<Scalar>) {
+    const auto mask = (1U << std::min(count - i, kWidth<Scalar>)) - 1U;
+    if constexpr (sizeof(Scalar) == 4) {
+      const auto m = static_cast<__mmask16>(mask);
+      const __m512 sum = _mm512_maskz_add_ps(m, _mm512_maskz_loadu_ps(m, to + i),
+                                             _mm512_maskz_loadu_ps(m, from + i));
+      _mm512_mask_storeu_ps(to + i, m, sum);
+    } else {
+      const auto m = static_cast<__mmask8>(mask);
+      const __m512d sum = _mm512_maskz_add_pd(m, _mm512_maskz_loadu_pd(m, to + i),
+                                              _mm512_maskz_loadu_pd(m, from + i));
+      _mm512_mask_storeu_pd(to + i, m, sum);
+    }
+  }
+#else
+  for (int i = 0; i < count; ++i) to[i] += from[i];
+#endif
+}
+
 /// c(rows, columns) -= a b^T for one tile of rows and kColumns columns; a has `depth` columns, and
 /// row j of b is that of column j of c.
 template <class Scalar, int kColumns>
@@ -111,6 +135,35 @@ inline void subtract_product(const Scalar* a, const Scalar* b, int depth, std::p
   }
 }
 
+/// Cholesky factor of a kColumns x kColumns block on the diagonal, in place, lower triangle. False
+/// if a pivot is not positive.
+template <class Scalar, int kColumns>
+inline bool factorize_block(Scalar* block, std::ptrdiff_t ld, Scalar* inverse_diagonal) {
+  Scalar l[kColumns][kColumns];  // in registers: reading back what was just stored costs time
+#pragma GCC unroll 8
+  for (int j = 0; j < kColumns; ++j)
+#pragma GCC unroll 8
+    for (int i = j; i < kColumns; ++i) l[j][i] = block[j * ld + i];
+#pragma GCC unroll 8
+  for (int j = 0; j < kColumns; ++j) {
+    if (!(l[j][j] > 0) || !std::isfinite(l[j][j])) return false;
+    l[j][j] = std::sqrt(l[j][j]);
+    const Scalar inverse = 1 / l[j][j];
+    inverse_diagonal[j] = inverse;
+#pragma GCC unroll 8
+    for (int i = j + 1; i < kColumns; ++i) l[j][i] *= inverse;
+#pragma GCC unroll 8
+    for (int k = j + 1; k < kColumns; ++k)
+#pragma GCC unroll 8
+      for (int i = k; i < kColumns; ++i) l[k][i] -= l[j][i] * l[j][k];
+  }
+#pragma GCC unroll 8
+  for (int j = 0; j < kColumns; ++j)
+#pragma GCC unroll 8
+    for (int i = j; i < kColumns; ++i) block[j * ld + i] = l[j][i];
+  return true;
+}
+
 /// Columns `first` to first + kColumns of the panel's factor; those before are done. False if a
 /// pivot is not positive.
 template <class Scalar, int kColumns>
@@ -119,22 +172,18 @@ inline bool factorize_columns(Scalar* panel, std::ptrdiff_t ld, int rows, int fi
   subtract_product<Scalar, kColumns>(panel, panel + first, first, ld, panel + first * ld, ld, first,
                                      rows);
   Scalar* block = panel + first * ld;  // its columns
-  for (int j = 0; j < kColumns; ++j) {
-    Scalar* column = block + j * ld + first;
-    for (int k = 0; k < j; ++k) {
-      const Scalar* left = block + k * ld + first;
-      for (int i = j; i < kColumns; ++i) column[i] -= left[i] * left[j];
-    }
-    if (!(column[j] > 0) || !std::isfinite(column[j])) return false;
-    column[j] = std::sqrt(column[j]);
-    inverse_diagonal[first + j] = 1 / column[j];
-    for (int i = j + 1; i < kColumns; ++i) column[i] *= inverse_diagonal[first + j];
-  }
+  if (!factorize_block<Scalar, kColumns>(block + first, ld, inverse_diagonal + first)) return false;
+  Scalar negative[kColumns][kColumns];
+  for (int k = 0; k < kColumns; ++k)
+    for (int j = k + 1; j < kColumns; ++j) negative[k][j] = -block[k * ld + first + j];
   for (int row = first + kColumns; row < rows; row += kWidth<Scalar>) {
     Vector<Scalar> x[kColumns];
+#pragma GCC unroll 8
     for (int j = 0; j < kColumns; ++j) {
       x[j] = load(block + j * ld + row);
-      for (int k = 0; k < j; ++k) x[j] -= x[k] * block[k * ld + first + j];
+#pragma GCC unroll 8
+      for (int k = 0; k < j; ++k)
+        x[j] = multiply_add(x[k], Vector<Scalar>{} + negative[k][j], x[j]);
       x[j] *= inverse_diagonal[first + j];
       store<Scalar>(block + j * ld + row, x[j]);
     }
@@ -231,48 +280,71 @@ inline void store_row(Scalar* x, int row, const Row<Scalar>& v) {
   std::memcpy(x + std::ptrdiff_t{kDirections} * row, &v, sizeof v);
 }
 
+/// solve_forward_rows for the pivots q to q + kColumns.
+template <class Scalar, int kColumns>
+inline void solve_forward_rows_at(int q, const Scalar* panel, std::ptrdiff_t ld, int rows,
+                                  const Scalar* inverse_diagonal, Scalar* x) {
+  const Scalar* l = panel + q * ld;
+  Row<Scalar> pivot[kColumns];
+#pragma GCC unroll 8
+  for (int j = 0; j < kColumns; ++j) {
+    pivot[j] = load_row(x, q + j);
+#pragma GCC unroll 8
+    for (int k = 0; k < j; ++k) pivot[j] -= l[k * ld + q + j] * pivot[k];
+    pivot[j] *= inverse_diagonal[q + j];
+    store_row<Scalar>(x, q + j, pivot[j]);
+  }
+  for (int i = q + kColumns; i < rows; ++i) {
+    Row<Scalar> v = load_row(x, i);
+#pragma GCC unroll 8
+    for (int j = 0; j < kColumns; ++j) v -= l[j * ld + i] * pivot[j];
+    store_row<Scalar>(x, i, v);
+  }
+}
+
+/// solve_backward_rows for the pivots q to q + kColumns.
+template <class Scalar, int kColumns>
+inline void solve_backward_rows_at(int q, const Scalar* panel, std::ptrdiff_t ld, int rows,
+                                   const Scalar* inverse_diagonal, Scalar* x) {
+  const Scalar* l = panel + q * ld;
+  Row<Scalar> pivot[kColumns];
+#pragma GCC unroll 8
+  for (int j = 0; j < kColumns; ++j) pivot[j] = load_row(x, q + j);
+  for (int i = q + kColumns; i < rows; ++i) {
+    const Row<Scalar> v = load_row(x, i);
+#pragma GCC unroll 8
+    for (int j = 0; j < kColumns; ++j) pivot[j] -= l[j * ld + i] * v;
+  }
+#pragma GCC unroll 8
+  for (int j = kColumns - 1; j >= 0; --j) {
+#pragma GCC unroll 8
+    for (int k = j + 1; k < kColumns; ++k) pivot[j] -= l[j * ld + q + k] * pivot[k];
+    pivot[j] *= inverse_diagonal[q + j];
+    store_row<Scalar>(x, q + j, pivot[j]);
+  }
+}
+
 /// solve_forward for kDirections right-hand sides: x has `rows` rows of them.
 template <class Scalar>
 void solve_forward_rows(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
                         const Scalar* inverse_diagonal, Scalar* x) {
-  for (int q = 0; q < pivots; q += 3) {
-    const Scalar* l0 = panel + q * ld;
-    const Scalar* l1 = l0 + ld;
-    const Scalar* l2 = l1 + ld;
-    const Row<Scalar> x0 = load_row(x, q) * inverse_diagonal[q];
-    const Row<Scalar> x1 = (load_row(x, q + 1) - l0[q + 1] * x0) * inverse_diagonal[q + 1];
-    const Row<Scalar> x2 =
-        (load_row(x, q + 2) - l0[q + 2] * x0 - l1[q + 2] * x1) * inverse_diagonal[q + 2];
-    store_row(x, q, x0);
-    store_row(x, q + 1, x1);
-    store_row(x, q + 2, x2);
-    for (int i = q + 3; i < rows; ++i)
-      store_row<Scalar>(x, i, load_row(x, i) - l0[i] * x0 - l1[i] * x1 - l2[i] * x2);
-  }
+  int q = 0;
+  for (; q + 6 <= pivots; q += 6)
+    solve_forward_rows_at<Scalar, 6>(q, panel, ld, rows, inverse_diagonal, x);
+  if (q < pivots) solve_forward_rows_at<Scalar, 3>(q, panel, ld, rows, inverse_diagonal, x);
 }
 
 /// solve_backward for kDirections right-hand sides.
 template <class Scalar>
 void solve_backward_rows(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
                          const Scalar* inverse_diagonal, Scalar* x) {
-  for (int q = pivots - 3; q >= 0; q -= 3) {
-    const Scalar* l0 = panel + q * ld;
-    const Scalar* l1 = l0 + ld;
-    const Scalar* l2 = l1 + ld;
-    Row<Scalar> s0 = load_row(x, q), s1 = load_row(x, q + 1), s2 = load_row(x, q + 2);
-    for (int i = q + 3; i < rows; ++i) {
-      const Row<Scalar> v = load_row(x, i);
-      s0 -= l0[i] * v;
-      s1 -= l1[i] * v;
-      s2 -= l2[i] * v;
-    }
-    s2 *= inverse_diagonal[q + 2];
-    s1 = (s1 - l1[q + 2] * s2) * inverse_diagonal[q + 1];
-    s0 = (s0 - l0[q + 1] * s1 - l0[q + 2] * s2) * inverse_diagonal[q];
-    store_row<Scalar>(x, q, s0);
-    store_row<Scalar>(x, q + 1, s1);
-    store_row<Scalar>(x, q + 2, s2);
+  int q = pivots;
+  if (q % 6 != 0) {
+    q -= 3;
+    solve_backward_rows_at<Scalar, 3>(q, panel, ld, rows, inverse_diagonal, x);
   }
+  for (q -= 6; q >= 0; q -= 6)
+    solve_backward_rows_at<Scalar, 6>(q, panel, ld, rows, inverse_diagonal, x);
 }
 
 }  // namespace weft::dense

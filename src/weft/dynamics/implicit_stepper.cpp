@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -14,9 +15,13 @@ constexpr double kMaxStepGrowth = 2.2;
 // Conjugate gradients stop when the residual (in the norm of the preconditioner) has fallen by
 // this.
 constexpr double kLinearTolerance = 0.01;
-constexpr int kMaxLinearIterations = 5;  // more cost as much as a new factor
-constexpr double kMaxRateChange = 1.3;   // between the step of a factor and the step it serves
-constexpr double kNearSolution = 3e-5;   // m; after a change below it, try the factor at hand alone
+// More iterations than this cost about half as much as a new factor. A factor's cost over that of a
+// solve grows as the side of the mesh.
+int most_linear_iterations(int vertices) {
+  return std::clamp(static_cast<int>(0.2 * std::sqrt(vertices)), 5, 40);
+}
+constexpr double kMaxRateChange = 1.3;  // between the step of a factor and the step it serves
+constexpr double kNearSolution = 3e-5;  // m; after a change below it, try the factor at hand alone
 // A change by the factor at hand is an estimate of the distance that is left, good to this.
 constexpr double kLastChange = 0.3;
 constexpr double kSufficientDecrease = 1e-4;
@@ -32,6 +37,7 @@ ImplicitStepper::ImplicitStepper(const ClothModel& model, const std::vector<Poin
       fixtures_(fixtures),
       options_(options),
       held_(held_vertices(fixtures, model.vertex_count())),
+      max_linear_iterations_(most_linear_iterations(model.vertex_count())),
       preconditioner_(model.hessian_pattern(), held_, model.mesh().material),
       hessian_(model.hessian_pattern()),
       projected_hessian_(model.hessian_pattern()),
@@ -142,6 +148,7 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   if (previous && c.previous != 0) c_history_ += c.previous * previous->c;
   next.time = time;
   predict(time, f.rate, next.x);
+  work_.energies += 2;
   if (!newton(next, f.rate, counts, reason)) return false;
   next.v = f.rate * next.x - x_history_;
   prescribe_velocities(fixtures_, time, next.v);
@@ -149,39 +156,38 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   prescribe_accelerations(fixtures_, time, next.a);
   model_.strains(next.x, next.c);
   next.c_rate = strain_rate_ * next.c - c_history_;
-  if (now.derivatives.followed()) differentiate(next, previous, f, c, counts);
+  if (followed()) differentiate(next, previous, f, c);
   return true;
 }
 
 /// The derivative of the stage's equation, sensitivity.h.
 void ImplicitStepper::differentiate(State& next, const State* previous, const Formula& f,
-                                    const Formula& c, Trajectory& counts) {
+                                    const Formula& c) {
   const StateDerivatives& now = current_.derivatives;
   StateDerivatives& h = history_;
   h.x = f.current * now.x + f.derivative * now.v;
   h.v = f.current * now.v + f.derivative * now.a;
-  h.c = c.current * now.c + c.derivative * now.c_rate;
+  StrainHistory strain_history;
+  strain_history.add(c.current, now.c);
+  strain_history.add(c.derivative, now.c_rate);
   if (previous && f.previous != 0) {
     h.x += f.previous * previous->derivatives.x;
     h.v += f.previous * previous->derivatives.v;
   }
-  if (previous && c.previous != 0) h.c += c.previous * previous->derivatives.c;
+  if (previous) strain_history.add(c.previous, previous->derivatives.c);
 
-  velocity_ = next.v;
-  assemble(next.x, f.rate, HessianKind::exact, unused_gradient_, hessian_);
-  response_.set_state(model_, next, parameters_);
+  response_.set_state(model_, next, parameters_, strain_history);
   response_.add_inertia(model_.masses(), f.rate * h.x + h.v);
-  response_.add_damping_history(model_, h.c);
   response_.add_velocity_history(h.x);
-  // The factor also serves the next step's first iteration.
   StateDerivatives& d = next.derivatives;
-  d.x = now.x + (next.time - current_.time) * now.v;
-  const bool definite = refactorize(next.x, f.rate, counts);
-  if (!definite || !response_.solve(hessian_, preconditioner_, held_, d.x)) ++inexact_;
+  const bool solved = response_.solve(hessian_, preconditioner_, d.x);
+  if (!solved || last_factor_ != Factor::of_matrix) ++inexact_;
   d.v = f.rate * d.x - h.x;
   d.a = f.rate * d.v - h.v;
   response_.strains().multiply(d.x, d.c);
-  d.c_rate = strain_rate_ * d.c - h.c;
+  d.c_rate.resizeLike(d.c);
+  for (int i = 0; i < d.c.rows(); ++i)
+    row_of(d.c_rate, i) = strain_rate_ * row_of(d.c, i) - strain_history.row(i);
 }
 
 Directions ImplicitStepper::reaction_derivatives() {
@@ -252,15 +258,17 @@ void ImplicitStepper::assemble(const Points& x, double rate, HessianKind kind, P
 }
 
 /// A new factor: of hessian_ or, if that is indefinite, of its positive definite projection.
-bool ImplicitStepper::refactorize(const Points& x, double rate, Trajectory& counts) {
+ImplicitStepper::Factor ImplicitStepper::refactorize(const Points& x, double rate,
+                                                     Trajectory& counts) {
   factor_rate_ = rate;
   ++counts.factorizations;
-  if (preconditioner_.factorize(hessian_)) return true;
+  if (preconditioner_.factorize(hessian_)) return Factor::of_matrix;
   assemble(x, rate, HessianKind::positive_semidefinite, unused_gradient_, projected_hessian_);
+  ++work_.hessians;
   ++counts.factorizations;
-  const bool factorized = preconditioner_.factorize(projected_hessian_);
-  if (!factorized) factor_rate_ = 0;
-  return factorized;
+  if (preconditioner_.factorize(projected_hessian_)) return Factor::of_projection;
+  factor_rate_ = 0;
+  return Factor::none;
 }
 
 /// direction_ = - hessian_^-1 gradient_, nearly, by conjugate gradients that start from the factor
@@ -274,7 +282,8 @@ bool ImplicitStepper::find_direction() {
   direction_.setZero(3, gradient_.cols());
   double square = residual_.cwiseProduct(scaled_residual_).sum();
   const double goal = kLinearTolerance * kLinearTolerance * square;
-  for (int iteration = 0; iteration < kMaxLinearIterations; ++iteration) {
+  for (int iteration = 0; iteration < max_linear_iterations_; ++iteration) {
+    ++work_.linear_iterations;
     flat(product_).noalias() = hessian_.selfadjointView<Eigen::Lower>() * flat(search_);
     for (const PointFixture& fixture : fixtures_) product_.col(fixture.vertex).setZero();
     const double curvature = search_.cwiseProduct(product_).sum();
@@ -306,6 +315,7 @@ double ImplicitStepper::search_line(const Points& x, double rate) {
   for (double fraction = 1; fraction > kSmallestFraction; fraction *= 0.5) {
     trial_ = x + fraction * direction_;
     energy_ = step_energy(trial_, rate);
+    ++work_.energies;
     const double change = energy_ - before - fraction * drag_slope;
     if (change <= kSufficientDecrease * fraction * slope) return fraction;
   }
@@ -319,26 +329,37 @@ bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::
     factor_rate_ = 0;  // whatever led here, do not trust this factor
     return false;
   };
+  const char* const not_definite = "the matrix of a step is not positive definite";
   double change = std::numeric_limits<double>::infinity();
   for (int iteration = 0; iteration < options_.max_newton_iterations; ++iteration) {
     ++counts.newton_iterations;
-    if (change < kNearSolution) {
-      linearize(next, rate, std::nullopt);
+    const bool near = change < std::max(kNearSolution, tolerance);
+    if (near) {
+      if (followed()) {
+        linearize(next, rate, HessianKind::exact);
+        ++work_.hessians;
+        last_factor_ = refactorize(next.x, rate, counts);
+        if (last_factor_ == Factor::none) return fail(not_definite);
+      } else {
+        linearize(next, rate, std::nullopt);
+      }
       direction_ = -gradient_;
       preconditioner_.solve(direction_);
-      if (direction_.cwiseAbs().maxCoeff() < kLastChange * tolerance) {
+      if (change < tolerance || direction_.cwiseAbs().maxCoeff() < kLastChange * tolerance) {
         next.x += direction_;
         return true;
       }
     }
     // Far from the solution the exact Hessian is often indefinite.
-    linearize(next, rate, iteration == 0 ? HessianKind::positive_semidefinite : HessianKind::exact);
+    if (!near || !followed()) {
+      linearize(next, rate,
+                iteration == 0 ? HessianKind::positive_semidefinite : HessianKind::exact);
+      ++work_.hessians;
+    }
     const double rate_change = factor_rate_ > 0 ? std::abs(std::log(rate / factor_rate_)) : 1;
     const bool usable = rate_change < std::log(kMaxRateChange);
     if (!usable || !find_direction()) {
-      if (!refactorize(next.x, rate, counts)) {
-        return fail("the matrix of a step is not positive definite");
-      }
+      if (refactorize(next.x, rate, counts) == Factor::none) return fail(not_definite);
       find_direction();
     }
     const double largest = direction_.cwiseAbs().maxCoeff();
@@ -347,7 +368,7 @@ bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::
     if (fraction == 0) return fail("no step along Newton's direction lowers the energy");
     change = fraction * largest;
     next.x += fraction * direction_;
-    if (change < tolerance) return true;
+    if (change < tolerance && !followed()) return true;
   }
   return fail("Newton's method did not converge");
 }

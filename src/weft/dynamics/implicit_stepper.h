@@ -56,7 +56,9 @@ namespace weft {
 /// the exact one is often indefinite), conjugate gradients for the linear systems, a line search on
 /// the step's energy. The preconditioner is a factor in single precision that is kept from
 /// iteration to iteration and from step to step until it no longer serves. A step ends when the
-/// last change of each coordinate is below newton_tolerance.
+/// last change of each coordinate is below newton_tolerance. Where derivatives are followed, that
+/// change comes from a new factor of the exact Hessian, and both serve the derivatives: these are
+/// of a state that differs from the step's by that change.
 class ImplicitStepper {
  public:
   ImplicitStepper(const ClothModel& model, const std::vector<PointFixture>& fixtures,
@@ -71,6 +73,13 @@ class ImplicitStepper {
   /// Linear systems of the derivatives that were not solved as they should (sensitivity.h).
   long inexact() const { return inexact_; }
   const State& state() const { return current_; }
+  /// What the steps were made of so far, besides what Trajectory counts.
+  struct Work {
+    long hessians = 0;           // assembled
+    long linear_iterations = 0;  // conjugate gradients: a product and a solve each
+    long energies = 0;           // evaluations of a step's energy
+  };
+  const Work& work() const { return work_; }
   /// False, with a reason, if the state at `time` could not be reached.
   bool advance(double time, Trajectory& counts, const StepObserver& observer, std::string& reason);
 
@@ -85,14 +94,15 @@ class ImplicitStepper {
   bool solve_stage(double time, const Formula& f, const State* previous, State& next,
                    Trajectory& counts, std::string& reason);
   bool newton(State& next, double rate, Trajectory& counts, std::string& reason);
-  void differentiate(State& next, const State* previous, const Formula& f, const Formula& c,
-                     Trajectory& counts);
+  bool followed() const { return current_.derivatives.followed(); }
+  void differentiate(State& next, const State* previous, const Formula& f, const Formula& c);
   void predict(double time, double rate, Points& x);
   double step_energy(const Points& x, double rate) const;
   void linearize(const State& next, double rate, std::optional<HessianKind> kind);
   void assemble(const Points& x, double rate, HessianKind kind, Points& gradient,
                 SparseMatrix& hessian);
-  bool refactorize(const Points& x, double rate, Trajectory& counts);
+  enum class Factor { of_matrix, of_projection, none };
+  Factor refactorize(const Points& x, double rate, Trajectory& counts);
   bool find_direction();
   double search_line(const Points& x, double rate);
 
@@ -100,6 +110,7 @@ class ImplicitStepper {
   const std::vector<PointFixture>& fixtures_;
   SimulationOptions options_;
   std::vector<char> held_;
+  int max_linear_iterations_;
   SparseCholesky<float> preconditioner_;
   double factor_rate_ = 0;  // of the step that the factor was made for; 0: none yet
   State current_;
@@ -109,6 +120,7 @@ class ImplicitStepper {
   VecX c_history_;
   double strain_rate_ = 0;
   double energy_ = 0;  // of the step, at the positions at hand, but for drag
+  Work work_;
   // Work space.
   SparseMatrix hessian_, projected_hessian_;
   Points velocity_, gradient_, unused_gradient_, drag_, direction_, trial_;
@@ -117,6 +129,7 @@ class ImplicitStepper {
   std::vector<int> parameters_;
   LinearResponse response_;
   StateDerivatives history_;
+  Factor last_factor_ = Factor::none;  // of the Newton step that ended the stage
   long inexact_ = 0;
 };
 

@@ -10,55 +10,65 @@ constexpr int kMaxIterations = 40;
 constexpr double kFirstRegularization = 1e-6;  // 1/s^2, as where equilibria are found
 constexpr double kMostRegularization = 1e12;
 
-using Row = Eigen::Array<double, 1, kDirections>;
-
-Eigen::Map<const Row, Eigen::Aligned16> row(const Directions& m, int index) {
-  return Eigen::Map<const Row, Eigen::Aligned16>(m.data() + std::ptrdiff_t{kDirections} * index);
-}
-Eigen::Map<Row, Eigen::Aligned16> row(Directions& m, int index) {
-  return Eigen::Map<Row, Eigen::Aligned16>(m.data() + std::ptrdiff_t{kDirections} * index);
-}
-
-/// y -= A x with the lower triangle of A.
+/// y -= A x with the lower triangle of A, in the pattern of ClothModel::hessian_pattern(): the
+/// three columns of a vertex have the same rows below their block on the diagonal.
 void subtract_product(const SparseMatrix& lower, const Directions& x, Directions& y) {
   const int* rows = lower.innerIndexPtr();
   const double* values = lower.valuePtr();
-  for (int column = 0; column < lower.cols(); ++column) {
-    const int begin = lower.outerIndexPtr()[column], end = lower.outerIndexPtr()[column + 1];
-    const Row from = row(x, column);
-    Row sum = Row::Zero();
-    for (int k = begin; k < end; ++k) {
-      const Row product = values[k] * from;
-      if (rows[k] != column) sum += values[k] * row(x, rows[k]);
-      row(y, rows[k]) -= product;
+  for (int column = 0; column < lower.cols(); column += 3) {
+    const int* begin = lower.outerIndexPtr() + column;
+    const double *a0 = values + begin[0] + 3, *a1 = values + begin[1] + 2,
+                 *a2 = values + begin[2] + 1;
+    const double *d0 = a0 - 3, *d1 = a1 - 2, *d2 = a2 - 1;  // the block on the diagonal
+    const DirectionsRow x0 = row_of(x, column), x1 = row_of(x, column + 1),
+                        x2 = row_of(x, column + 2);
+    DirectionsRow sum0 = d0[0] * x0 + d0[1] * x1 + d0[2] * x2;
+    DirectionsRow sum1 = d0[1] * x0 + d1[0] * x1 + d1[1] * x2;
+    DirectionsRow sum2 = d0[2] * x0 + d1[1] * x1 + d2[0] * x2;
+    const int* row = rows + begin[0] + 3;
+    const int count = begin[1] - begin[0] - 3;
+    for (int k = 0; k < count; ++k) {
+      const DirectionsRow other = row_of(x, row[k]);
+      sum0 += a0[k] * other;
+      sum1 += a1[k] * other;
+      sum2 += a2[k] * other;
+      row_of(y, row[k]) -= a0[k] * x0 + a1[k] * x1 + a2[k] * x2;
     }
-    row(y, column) -= sum;
+    row_of(y, column) -= sum0;
+    row_of(y, column + 1) -= sum1;
+    row_of(y, column + 2) -= sum2;
   }
 }
 
-Row largest(const Directions& m) { return m.cwiseAbs().colwise().maxCoeff().array(); }
+DirectionsRow largest(const Directions& m) { return m.cwiseAbs().colwise().maxCoeff().array(); }
 
 }  // namespace
 
+void StrainHistory::add(double factor, const Directions& strains) {
+  if (factor != 0) terms_[count_++] = {factor, &strains};
+}
+
 void LinearResponse::set_state(const ClothModel& model, const State& state,
-                               const std::vector<int>& parameters) {
+                               const std::vector<int>& parameters, const StrainHistory& history) {
   model.strain_jacobian(state.x, strains_);
   model.drag_jacobian(state.x, state.v, drag_);
   const ComponentTable& table = model.components();
-  factors_.setZero(state.c.size(), kDirections);
-  for (Eigen::Index i = 0; i < state.c.size(); ++i) {
-    const auto component = static_cast<std::size_t>(i);
-    for (std::size_t p = 0; p < parameters.size(); ++p) {
-      const auto column = static_cast<Eigen::Index>(p);
-      if (table.stiffness[component] == parameters[p])
-        factors_(i, column) -= table.weight[i] * state.c[i];
-      if (table.damping[component] == parameters[p])
-        factors_(i, column) -= table.weight[i] * state.c_rate[i];
-    }
-  }
+  // Row p has a 1 in the column of parameter p, if it has one.
+  Directions columns = Directions::Zero(model.values().size(), kDirections);
+  for (std::size_t p = 0; p < parameters.size(); ++p)
+    columns(parameters[p], static_cast<Eigen::Index>(p)) = 1;
+  const auto factor = [&](int component) -> DirectionsRow {
+    const auto i = static_cast<std::size_t>(component);
+    const int stiffness = table.stiffness[i], damping = table.damping[i];
+    const double weight = table.weight[component];
+    return (weight * model.values()[damping]) * history.row(component) -
+           (weight * state.c[component]) * row_of(columns, stiffness) -
+           (weight * state.c_rate[component]) * row_of(columns, damping);
+  };
   right_side_.setZero(state.x.size(), kDirections);
-  strains_.add_transposed(factors_, right_side_);
+  strains_.add_transposed_rows(factor, right_side_);
   for (std::size_t p = 0; p < parameters.size(); ++p) {
+    if (!model.drag_depends_on(parameters[p])) continue;
     model.drag_derivative(state.x, state.v, parameters[p], drag_derivative_);
     right_side_.col(static_cast<Eigen::Index>(p)) += flat(drag_derivative_);
   }
@@ -66,18 +76,7 @@ void LinearResponse::set_state(const ClothModel& model, const State& state,
 
 void LinearResponse::add_inertia(const VecX& masses, const Directions& acceleration) {
   for (int i = 0; i < right_side_.rows(); ++i)
-    row(right_side_, i) += masses[i / 3] * row(acceleration, i);
-}
-
-void LinearResponse::add_damping_history(const ClothModel& model,
-                                         const Directions& strain_history) {
-  const ComponentTable& table = model.components();
-  factors_.resize(strain_history.rows(), kDirections);
-  for (int i = 0; i < strain_history.rows(); ++i) {
-    const double damping = model.values()[table.damping[static_cast<std::size_t>(i)]];
-    row(factors_, i) = (table.weight[i] * damping) * row(strain_history, i);
-  }
-  strains_.add_transposed(factors_, right_side_);
+    row_of(right_side_, i) += masses[i / 3] * row_of(acceleration, i);
 }
 
 void LinearResponse::add_velocity_history(const Directions& velocity_history) {
@@ -93,23 +92,30 @@ const Directions& LinearResponse::residual(const SparseMatrix& matrix, const Dir
 
 template <class Scalar>
 bool LinearResponse::solve(const SparseMatrix& matrix, const SparseCholesky<Scalar>& factor,
-                           const std::vector<char>& held, Directions& x) {
-  for (std::size_t i = 0; i < held.size(); ++i)
-    if (held[i]) x.middleRows<3>(static_cast<Eigen::Index>(3 * i)).setZero();
+                           Directions& x) {
+  x = right_side_;
+  factor.solve(x);
+  DirectionsRow correction = largest(x);
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     residual(matrix, x);
     factor.solve(residual_);
     x += residual_;
-    if ((largest(residual_) <= kTolerance * largest(x)).all()) return true;
     if (!residual_.allFinite()) return false;
+    // Corrections shrink by the same factor from one to the next: the one to come is below
+    // correction * shrinkage.
+    const DirectionsRow before = correction;
+    correction = largest(residual_);
+    const DirectionsRow goal = kTolerance * largest(x);
+    const auto shrinks = 2 * correction <= before;
+    if ((correction <= goal || (shrinks && correction * correction <= before * goal)).all())
+      return true;
   }
   return false;
 }
 
 template bool LinearResponse::solve(const SparseMatrix&, const SparseCholesky<double>&,
-                                    const std::vector<char>&, Directions&);
-template bool LinearResponse::solve(const SparseMatrix&, const SparseCholesky<float>&,
-                                    const std::vector<char>&, Directions&);
+                                    Directions&);
+template bool LinearResponse::solve(const SparseMatrix&, const SparseCholesky<float>&, Directions&);
 
 Directions LinearResponse::reactions(const SparseMatrix& matrix,
                                      const std::vector<PointFixture>& fixtures,
@@ -151,7 +157,7 @@ StateDerivatives derivatives_at_rest(const ClothModel& model,
       for (std::size_t i = 0; i < diagonal.size(); ++i)
         regular.valuePtr()[diagonal[i]] += r * model.masses()[static_cast<Eigen::Index>(i / 3)];
     }
-    if (!response.solve(regular, cholesky, held, d.x)) exact = false;
+    if (!response.solve(regular, cholesky, d.x)) exact = false;
     if (!exact) ++inexact;
   }
   response.set_state(model, state, parameters);

@@ -1,6 +1,7 @@
 #pragma once
 /// The linear equation of the derivatives of a state by parameters: matrix * dx = right side, with
 /// the matrix of a step or of an equilibrium.
+#include <array>
 #include <vector>
 
 #include "weft/dynamics/sparse_cholesky.h"
@@ -8,24 +9,45 @@
 
 namespace weft {
 
+/// H(dC), the history of the strains' derivatives in a step: a sum of the derivatives of states
+/// before, which it refers to.
+class StrainHistory {
+ public:
+  /// + `factor` `strains`. At most three, not counting those with a factor of 0.
+  void add(double factor, const Directions& strains);
+  bool empty() const { return count_ == 0; }
+  DirectionsRow row(int component) const {
+    DirectionsRow sum = DirectionsRow::Zero();
+    for (std::size_t i = 0; i < count_; ++i)
+      sum += terms_[i].factor * row_of(*terms_[i].strains, component);
+    return sum;
+  }
+
+ private:
+  struct Term {
+    double factor;
+    const Directions* strains;
+  };
+  std::array<Term, 3> terms_;
+  std::size_t count_ = 0;
+};
+
 /// Collects the right side of the equation in sensitivity.h and solves it.
 class LinearResponse {
  public:
-  /// Starts with - d(grad P)/dtheta + df_drag/dtheta at `state`.
-  void set_state(const ClothModel& model, const State& state, const std::vector<int>& parameters);
+  /// Starts with - d(grad P)/dtheta + df_drag/dtheta at `state` + G^T w kd `history`.
+  void set_state(const ClothModel& model, const State& state, const std::vector<int>& parameters,
+                 const StrainHistory& history = {});
   /// + M `acceleration`.
   void add_inertia(const VecX& masses, const Directions& acceleration);
-  /// + G^T w kd `strain_history`.
-  void add_damping_history(const ClothModel& model, const Directions& strain_history);
   /// - df_drag/dv `velocity_history`.
   void add_velocity_history(const Directions& velocity_history);
 
-  /// x: from a guess to the solution of (`matrix` - df_drag/dx) x = right side at the vertices that
-  /// are not held, by iterative refinement with `factor`, a factor of a matrix near `matrix` (a
-  /// lower triangle). False if the last correction is still above the tolerance.
+  /// x: the solution of (`matrix` - df_drag/dx) x = right side at the vertices that are not held,
+  /// by iterative refinement with `factor`, a factor of a matrix near `matrix` (a lower triangle).
+  /// False if the last correction is still above the tolerance.
   template <class Scalar>
-  bool solve(const SparseMatrix& matrix, const SparseCholesky<Scalar>& factor,
-             const std::vector<char>& held, Directions& x);
+  bool solve(const SparseMatrix& matrix, const SparseCholesky<Scalar>& factor, Directions& x);
 
   /// (matrix - df_drag/dx) x - right side at the fixtures' vertices, 3 fixtures rows: the
   /// derivatives of what holds them.
@@ -39,7 +61,7 @@ class LinearResponse {
  private:
   StrainJacobian strains_;
   DragJacobian drag_;
-  Directions right_side_, factors_, residual_;
+  Directions right_side_, residual_;
   Points drag_derivative_;
 };
 

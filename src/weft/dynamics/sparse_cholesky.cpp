@@ -306,7 +306,12 @@ template <class Scalar>
 void SparseCholesky<Scalar>::Impl::gather(const Node& node, const double* values) {
   Scalar* to = panel(node);
   std::fill_n(to, node.panel_ld * static_cast<std::size_t>(node.pivot_size()), Scalar(0));
-  std::fill_n(update(node), node.update_ld * static_cast<std::size_t>(node.row_size()), Scalar(0));
+  // Only the lower triangle is used; tiles write up to five rows above the diagonal, too.
+  for (int column = 0; column < node.row_size(); ++column) {
+    const auto above = static_cast<std::size_t>(std::max(0, column - 5));
+    std::fill_n(update(node) + static_cast<std::size_t>(column) * node.update_ld + above,
+                node.update_ld - above, Scalar(0));
+  }
   for (std::size_t e = node.entries_begin; e < node.entries_end; ++e) {
     const Entry& entry = entries[e];
     for (int i = 0; i < entry.count; ++i) {
@@ -334,8 +339,7 @@ void SparseCholesky<Scalar>::Impl::add_update(const Node& child, const Node& nod
       for (std::size_t below = run; below < child.runs.size(); ++below) {
         const auto& rows = child.runs[below];
         const int skip = below == run ? 3 * (column / 3) : 0;
-        for (int i = skip; i < 3 * rows.count; ++i)
-          to[3 * rows.place + i] += from[3 * rows.row + i];
+        dense::add(from + 3 * rows.row + skip, 3 * rows.count - skip, to + 3 * rows.place + skip);
       }
     }
   }

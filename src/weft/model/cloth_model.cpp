@@ -679,6 +679,8 @@ void ClothModel::force_derivative(const Points& x, const Points& v, int paramete
   impl_->add_internal_forces(k, x, v, derivative);
 }
 
+bool ClothModel::drag_depends_on(int parameter) const { return parameter >= kDragTangential; }
+
 void ClothModel::drag_derivative(const Points& x, const Points& v, int parameter,
                                  Points& derivative) const {
   derivative.setZero(3, x.cols());
@@ -698,58 +700,48 @@ const ComponentTable& ClothModel::components() const { return impl_->components;
 const VecX& ClothModel::values() const { return impl_->values; }
 
 void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) const {
-  const auto put = [](const Vector3<Lanes>& g, int lane, std::array<double, 3>& to) {
-    to = {g.x[lane], g.y[lane], g.z[lane]};
-  };
   const auto& elements = impl_->elements;
-  jacobian.triangles.resize(at(impl_->first_curvature() / 3));
-  jacobian.bending.resize(at(impl_->mesh.triangle_count()));
+  const std::size_t groups = elements.triangles.size();
+  jacobian.triangles.resize(impl_->diagonals ? 2 * groups : groups);
+  jacobian.bending.resize(elements.bending.size());
   for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
     const TriangleGroup& group = elements.triangles[i];
+    auto& out = jacobian.triangles[i];
+    out.count = group.count;
+    out.vertices = group.vertices;
     const auto c = strains_of(group, x);
     const auto du = group.shape.du(), dv = group.shape.dv();
     for (std::size_t vertex = 0; vertex < 3; ++vertex) {
-      const Vector3<Lanes> gradient[3] = {du[vertex] * c.u.direction, dv[vertex] * c.v.direction,
-                                          du[vertex] * c.w.wv + dv[vertex] * c.w.wu};
-      for (int lane = 0; lane < group.count; ++lane) {
-        auto& element = jacobian.triangles[i * kLanes + at(lane)];
-        element.vertices[vertex] = group.vertices[vertex][at(lane)];
-        for (std::size_t k = 0; k < 3; ++k) put(gradient[k], lane, element.gradient[k][vertex]);
-      }
+      out.gradient[0][vertex] = du[vertex] * c.u.direction;
+      out.gradient[1][vertex] = dv[vertex] * c.v.direction;
+      out.gradient[2][vertex] = du[vertex] * c.w.wv + dv[vertex] * c.w.wu;
     }
   }
-  const std::size_t triangle_count = at(impl_->mesh.triangle_count());
-  for (std::size_t i = 0; impl_->diagonals && i < elements.triangles.size(); ++i) {
+  for (std::size_t i = 0; impl_->diagonals && i < groups; ++i) {
     const TriangleGroup& group = elements.triangles[i];
+    auto& out = jacobian.triangles[groups + i];
+    out.count = group.count;
+    out.vertices = group.vertices;
     const auto c = diagonals_of(group, x);
     const Lanes one = broadcast<Lanes>(1), none{};
     const auto rising = diagonal_gradient(c, one, none), falling = diagonal_gradient(c, none, one);
     const auto du = group.shape.du(), dv = group.shape.dv();
     for (std::size_t vertex = 0; vertex < 3; ++vertex) {
-      const Vector3<Lanes> gradient[2] = {du[vertex] * rising.u + dv[vertex] * rising.v,
-                                          du[vertex] * falling.u + dv[vertex] * falling.v};
-      for (int lane = 0; lane < group.count; ++lane) {
-        auto& element = jacobian.triangles[triangle_count + i * kLanes + at(lane)];
-        element.vertices[vertex] = group.vertices[vertex][at(lane)];
-        for (std::size_t k = 0; k < 2; ++k) put(gradient[k], lane, element.gradient[k][vertex]);
-        element.gradient[2][vertex] = {0, 0, 0};
-      }
+      out.gradient[0][vertex] = du[vertex] * rising.u + dv[vertex] * rising.v;
+      out.gradient[1][vertex] = du[vertex] * falling.u + dv[vertex] * falling.v;
+      out.gradient[2][vertex] = {none, none, none};
     }
   }
   for (std::size_t i = 0; i < elements.bending.size(); ++i) {
     const BendingGroup& group = elements.bending[i];
+    auto& out = jacobian.bending[i];
+    out.count = group.count;
+    out.vertices = group.vertices;
     const auto curvature = curvature_of(group, x);
     for (std::size_t k = 0; k < 3; ++k) {
       std::array<Lanes, 3> one{};
       one[k] = broadcast<Lanes>(1);
-      const auto gradient = curvature_gradient(group.map, curvature, one);
-      for (int lane = 0; lane < group.count; ++lane) {
-        auto& element = jacobian.bending[i * kLanes + at(lane)];
-        for (std::size_t vertex = 0; vertex < 6; ++vertex) {
-          element.vertices[vertex] = group.vertices[vertex][at(lane)];
-          put(gradient[vertex], lane, element.gradient[k][vertex]);
-        }
-      }
+      out.gradient[k] = curvature_gradient(group.map, curvature, one);
     }
   }
 }
@@ -758,7 +750,7 @@ void ClothModel::drag_jacobian(const Points& x, const Points& v, DragJacobian& j
   // The force on each vertex is -A / 3 (P(s) n + k_T (m - s n)) with the mean velocity m, s = m . n
   // and n = N / |N|, N = (x1 - x0) x (x2 - x0).
   const DragLaw& law = impl_->coefficients.drag;
-  jacobian.elements.resize(at(impl_->mesh.triangle_count()));
+  jacobian.groups.resize(impl_->elements.triangles.size());
   for (std::size_t i = 0; i < impl_->elements.triangles.size(); ++i) {
     const TriangleGroup& group = impl_->elements.triangles[i];
     const TrianglePositions p = positions(group, x), q = positions(group, v);
@@ -776,22 +768,17 @@ void ClothModel::drag_jacobian(const Points& x, const Points& v, DragJacobian& j
     detail::add_to_diagonal(inverse, across);
     const Matrix3<Lanes> by_area_vector = product(by_normal, across.full());
     // dN by vertex: (x1 - x2) x . and so on, cyclic, with the sign of d(e1 x e2).
-    const Matrix3<Lanes> by_position[3] = {product(by_area_vector, cross_matrix(p.x2 - p.x1)),
-                                           product(by_area_vector, cross_matrix(p.x0 - p.x2)),
-                                           product(by_area_vector, cross_matrix(p.x1 - p.x0))};
+    DragJacobian::Group& out = jacobian.groups[i];
+    out.count = group.count;
+    out.vertices = group.vertices;
+    out.by_position = {product(by_area_vector, cross_matrix(p.x2 - p.x1)),
+                       product(by_area_vector, cross_matrix(p.x0 - p.x2)),
+                       product(by_area_vector, cross_matrix(p.x1 - p.x0))};
     const Lanes third = (1.0 / 3) * scale;
     SymmetricMatrix3<Lanes> by_velocity =
         (third * (law.pressure_rate(s) - law.tangential)) * outer(n);
     detail::add_to_diagonal(Lanes(third * law.tangential), by_velocity);
-    const Matrix3<Lanes> by_velocity_full = by_velocity.full();
-    for (int lane = 0; lane < group.count; ++lane) {
-      DragJacobian::Element& element = jacobian.elements[i * kLanes + at(lane)];
-      for (std::size_t k = 0; k < 3; ++k) element.vertices[k] = group.vertices[k][at(lane)];
-      for (std::size_t m = 0; m < 9; ++m) {
-        for (std::size_t k = 0; k < 3; ++k) element.by_position[k][m] = by_position[k].m[m][lane];
-        element.by_velocity[m] = by_velocity_full.m[m][lane];
-      }
-    }
+    out.by_velocity = by_velocity.full();
   }
 }
 

@@ -99,6 +99,8 @@ class ClothModel {
   const VecX& values() const;
   /// the derivatives of the drag by x and by v:
   void drag_jacobian(const Points& x, const Points& v, DragJacobian& jacobian) const;
+  /// whether the drag depends on the parameter at `parameter` in the fabric's table;
+  bool drag_depends_on(int parameter) const;
   /// d drag / d p, N per unit of the parameter; 3 x vertices, zero if the drag does not depend on
   /// it. Overwrites.
   void drag_derivative(const Points& x, const Points& v, int parameter, Points& derivative) const;

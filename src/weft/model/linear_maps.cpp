@@ -3,106 +3,90 @@
 namespace weft {
 namespace {
 
-using Row = Eigen::Array<double, kDirections, 1>;
-
-/// Row 3 vertex + coordinate of a RowMajor matrix.
-Eigen::Map<const Row, Eigen::Aligned16> row(const Directions& m, int index) {
-  return Eigen::Map<const Row, Eigen::Aligned16>(m.data() + std::ptrdiff_t{kDirections} * index);
-}
-Eigen::Map<Row, Eigen::Aligned16> row(Directions& m, int index) {
-  return Eigen::Map<Row, Eigen::Aligned16>(m.data() + std::ptrdiff_t{kDirections} * index);
-}
-
 template <std::size_t kVertices>
-void multiply(const StrainJacobian::Element<kVertices>& element, const Directions& directions,
+void multiply(const StrainJacobian::Group<kVertices>& group, const Directions& directions,
               int first, Directions& strains) {
-  Row c0 = Row::Zero(), c1 = Row::Zero(), c2 = Row::Zero();
-  const auto& g = element.gradient;
-  for (std::size_t v = 0; v < kVertices; ++v) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Row d = row(directions, 3 * element.vertices[v] + static_cast<int>(k));
-      c0 += g[0][v][k] * d;
-      c1 += g[1][v][k] * d;
-      c2 += g[2][v][k] * d;
+  const auto& g = group.gradient;
+  for (int lane = 0; lane < group.count; ++lane, first += 3) {
+    DirectionsRow c[3] = {DirectionsRow::Zero(), DirectionsRow::Zero(), DirectionsRow::Zero()};
+    for (std::size_t v = 0; v < kVertices; ++v) {
+      const int row = 3 * group.vertices[v][static_cast<std::size_t>(lane)];
+      const DirectionsRow x = row_of(directions, row), y = row_of(directions, row + 1),
+                          z = row_of(directions, row + 2);
+      for (std::size_t k = 0; k < 3; ++k)
+        c[k] += g[k][v].x[lane] * x + g[k][v].y[lane] * y + g[k][v].z[lane] * z;
     }
-  }
-  row(strains, first) = c0;
-  row(strains, first + 1) = c1;
-  row(strains, first + 2) = c2;
-}
-
-template <std::size_t kVertices>
-void add_transposed(const StrainJacobian::Element<kVertices>& element, const Directions& factors,
-                    int first, Directions& forces) {
-  const Row c0 = row(factors, first), c1 = row(factors, first + 1), c2 = row(factors, first + 2);
-  const auto& g = element.gradient;
-  for (std::size_t v = 0; v < kVertices; ++v) {
-    for (std::size_t k = 0; k < 3; ++k)
-      row(forces, 3 * element.vertices[v] + static_cast<int>(k)) +=
-          g[0][v][k] * c0 + g[1][v][k] * c1 + g[2][v][k] * c2;
+    for (int k = 0; k < 3; ++k) row_of(strains, first + k) = c[k];
   }
 }
 
 /// sum += m d, with d the three rows of a vertex.
-void add_product(const std::array<double, 9>& m, const Directions& directions, int vertex,
-                 std::array<Row, 3>& sum) {
-  for (std::size_t k = 0; k < 3; ++k) {
-    const Row d = row(directions, 3 * vertex + static_cast<int>(k));
-    for (std::size_t i = 0; i < 3; ++i) sum[i] += m[3 * i + k] * d;
-  }
+void add_product(const Matrix3<Lanes>& m, int lane, const Directions& directions, int vertex,
+                 std::array<DirectionsRow, 3>& sum) {
+  const DirectionsRow x = row_of(directions, 3 * vertex), y = row_of(directions, 3 * vertex + 1),
+                      z = row_of(directions, 3 * vertex + 2);
+  for (std::size_t i = 0; i < 3; ++i)
+    sum[i] += m.m[3 * i][lane] * x + m.m[3 * i + 1][lane] * y + m.m[3 * i + 2][lane] * z;
 }
 
-void add_to_vertices(const DragJacobian::Element& element, double factor,
-                     const std::array<Row, 3>& share, Directions& forces) {
-  for (const int vertex : element.vertices)
-    for (std::size_t i = 0; i < 3; ++i)
-      row(forces, 3 * vertex + static_cast<int>(i)) += factor * share[i];
+void add_to_vertices(const DragJacobian::Group& group, std::size_t lane, double factor,
+                     const std::array<DirectionsRow, 3>& share, Directions& forces) {
+  for (const auto& vertices : group.vertices)
+    for (int i = 0; i < 3; ++i)
+      row_of(forces, 3 * vertices[lane] + i) += factor * share[static_cast<std::size_t>(i)];
 }
 
 }  // namespace
 
 void StrainJacobian::multiply(const Directions& directions, Directions& strains) const {
-  strains.resize(static_cast<Eigen::Index>(3 * (triangles.size() + bending.size())), kDirections);
+  Eigen::Index components = 0;
+  for (const auto& group : triangles) components += 3 * group.count;
+  for (const auto& group : bending) components += 3 * group.count;
+  strains.resize(components, kDirections);
   int first = 0;
-  for (const auto& element : triangles) {
-    weft::multiply(element, directions, first, strains);
-    first += 3;
+  for (const auto& group : triangles) {
+    weft::multiply(group, directions, first, strains);
+    first += 3 * group.count;
   }
-  for (const auto& element : bending) {
-    weft::multiply(element, directions, first, strains);
-    first += 3;
+  for (const auto& group : bending) {
+    weft::multiply(group, directions, first, strains);
+    first += 3 * group.count;
   }
 }
 
 void StrainJacobian::add_transposed(const Directions& factors, Directions& forces) const {
-  int first = 0;
-  for (const auto& element : triangles) {
-    weft::add_transposed(element, factors, first, forces);
-    first += 3;
-  }
-  for (const auto& element : bending) {
-    weft::add_transposed(element, factors, first, forces);
-    first += 3;
-  }
+  add_transposed_rows([&](int component) { return row_of(factors, component); }, forces);
 }
 
 void DragJacobian::add_by_position(const Directions& directions, Directions& forces) const {
-  for (const Element& element : elements) {
-    std::array<Row, 3> share{Row::Zero(), Row::Zero(), Row::Zero()};
-    for (std::size_t v = 0; v < 3; ++v)
-      add_product(element.by_position[v], directions, element.vertices[v], share);
-    add_to_vertices(element, 1, share, forces);
-  }
+  for (const Group& group : groups)
+    for (int lane = 0; lane < group.count; ++lane) {
+      const auto l = static_cast<std::size_t>(lane);
+      std::array<DirectionsRow, 3> share{DirectionsRow::Zero(), DirectionsRow::Zero(),
+                                         DirectionsRow::Zero()};
+      for (std::size_t v = 0; v < 3; ++v)
+        add_product(group.by_position[v], lane, directions, group.vertices[v][l], share);
+      add_to_vertices(group, l, 1, share, forces);
+    }
 }
 
 void DragJacobian::add_by_velocity(double factor, const Directions& directions,
                                    Directions& forces) const {
-  for (const Element& element : elements) {
-    std::array<Row, 3> share{Row::Zero(), Row::Zero(), Row::Zero()};
-    for (const int vertex : element.vertices)
-      add_product(element.by_velocity, directions, vertex, share);
-    add_to_vertices(element, factor, share, forces);
-  }
+  for (const Group& group : groups)
+    for (int lane = 0; lane < group.count; ++lane) {
+      const auto l = static_cast<std::size_t>(lane);
+      std::array<DirectionsRow, 3> sum;
+      for (int i = 0; i < 3; ++i)
+        sum[static_cast<std::size_t>(i)] = row_of(directions, 3 * group.vertices[0][l] + i) +
+                                           row_of(directions, 3 * group.vertices[1][l] + i) +
+                                           row_of(directions, 3 * group.vertices[2][l] + i);
+      std::array<DirectionsRow, 3> share;
+      for (std::size_t i = 0; i < 3; ++i)
+        share[i] = group.by_velocity.m[3 * i][lane] * sum[0] +
+                   group.by_velocity.m[3 * i + 1][lane] * sum[1] +
+                   group.by_velocity.m[3 * i + 2][lane] * sum[2];
+      add_to_vertices(group, l, factor, share, forces);
+    }
 }
 
 }  // namespace weft

@@ -5,8 +5,22 @@
 #include <vector>
 
 #include "weft/base/types.h"
+#include "weft/strain/lanes.h"
 
 namespace weft {
+
+/// One row of Directions: what belongs to an entry, by parameter.
+using DirectionsRow = Eigen::Array<double, 1, kDirections>;
+
+/// Row `index`: 3 vertex + coordinate, or a component.
+inline Eigen::Map<const DirectionsRow, Eigen::Aligned16> row_of(const Directions& m, int index) {
+  return Eigen::Map<const DirectionsRow, Eigen::Aligned16>(m.data() +
+                                                           std::ptrdiff_t{kDirections} * index);
+}
+inline Eigen::Map<DirectionsRow, Eigen::Aligned16> row_of(Directions& m, int index) {
+  return Eigen::Map<DirectionsRow, Eigen::Aligned16>(m.data() +
+                                                     std::ptrdiff_t{kDirections} * index);
+}
 
 /// G = dC/dx: the gradients of all strains at one shape, three components an element.
 class StrainJacobian {
@@ -15,17 +29,55 @@ class StrainJacobian {
   void multiply(const Directions& directions, Directions& strains) const;
   /// `forces` += G^T `factors`.
   void add_transposed(const Directions& factors, Directions& forces) const;
+  /// The same, with the row of factors of each component from `factor(component)`.
+  template <class Factor>
+  void add_transposed_rows(const Factor& factor, Directions& forces) const;
 
-  /// Elements of three and of six vertices: gradient[component][vertex][coordinate]. Element e of
-  /// `triangles` has the components 3 e to 3 e + 2; those of `bending` follow all of them.
+  /// kLanes elements of three or of six vertices, the first `count` of which are in use.
   template <std::size_t kVertices>
-  struct Element {
-    std::array<int, kVertices> vertices;
-    std::array<std::array<std::array<double, 3>, kVertices>, 3> gradient;
+  struct Group {
+    int count;
+    std::array<std::array<int, kLanes>, kVertices> vertices;
+    std::array<std::array<Vector3<Lanes>, kVertices>, 3> gradient;  ///< [component][vertex]
   };
-  std::vector<Element<3>> triangles;
-  std::vector<Element<6>> bending;
+  /// Element e of `triangles` has the components 3 e to 3 e + 2; those of `bending` follow all of
+  /// them.
+  std::vector<Group<3>> triangles;
+  std::vector<Group<6>> bending;
+
+ private:
+  template <std::size_t kVertices, class Factor>
+  static void add_transposed_rows(const Group<kVertices>& group, int first, const Factor& factor,
+                                  Directions& forces);
 };
+
+template <std::size_t kVertices, class Factor>
+void StrainJacobian::add_transposed_rows(const Group<kVertices>& group, int first,
+                                         const Factor& factor, Directions& forces) {
+  const auto& g = group.gradient;
+  for (int lane = 0; lane < group.count; ++lane, first += 3) {
+    const DirectionsRow c0 = factor(first), c1 = factor(first + 1), c2 = factor(first + 2);
+    for (std::size_t v = 0; v < kVertices; ++v) {
+      const int row = 3 * group.vertices[v][static_cast<std::size_t>(lane)];
+      row_of(forces, row) += g[0][v].x[lane] * c0 + g[1][v].x[lane] * c1 + g[2][v].x[lane] * c2;
+      row_of(forces, row + 1) += g[0][v].y[lane] * c0 + g[1][v].y[lane] * c1 + g[2][v].y[lane] * c2;
+      row_of(forces, row + 2) += g[0][v].z[lane] * c0 + g[1][v].z[lane] * c1 + g[2][v].z[lane] * c2;
+    }
+  }
+}
+
+template <class Factor>
+void StrainJacobian::add_transposed_rows(const Factor& factor, Directions& forces) const {
+  int first = 0;
+  for (const auto& group : triangles) {
+    add_transposed_rows(group, first, factor, forces);
+    first += 3 * group.count;
+  }
+  for (const auto& group : bending) {
+    add_transposed_rows(group, first, factor, forces);
+    first += 3 * group.count;
+  }
+}
 
 /// The derivatives of the air drag by positions and velocities at one state. The drag of a triangle
 /// is shared by its vertices in equal parts, and depends on the mean of their velocities.
@@ -36,13 +88,15 @@ class DragJacobian {
   /// `forces` += `factor` df_drag/dv `directions`.
   void add_by_velocity(double factor, const Directions& directions, Directions& forces) const;
 
-  struct Element {
-    std::array<int, 3> vertices;
+  /// kLanes triangles, the first `count` of which are in use.
+  struct Group {
+    int count;
+    std::array<std::array<int, kLanes>, 3> vertices;
     /// by_position[vertex] and by_velocity (the same for each vertex): of the force on each vertex.
-    std::array<std::array<double, 9>, 3> by_position;  ///< rows first
-    std::array<double, 9> by_velocity;
+    std::array<Matrix3<Lanes>, 3> by_position;
+    Matrix3<Lanes> by_velocity;
   };
-  std::vector<Element> elements;
+  std::vector<Group> groups;
 };
 
 /// What each component of a model is made of.
