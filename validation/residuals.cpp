@@ -291,6 +291,7 @@ void Study::fits() const {
       "fit and later frames, stiffnesses, intervals, CPU s\n");
   std::vector<Terms> sets = term_sets(weight_);
   sets.erase(sets.begin(), sets.begin() + 2);
+  std::reverse(sets.begin(), sets.end());  // the sets that matter most first
   for (const Terms& terms : sets) {
     const double begin = cpu_seconds();
     const Problem p = problem(terms.silhouette, Fabric::with_defaults("middle"));
