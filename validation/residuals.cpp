@@ -1,19 +1,20 @@
 /// What is each term of the residuals worth: folds, silhouette and the phase of the stripes?
 ///
-///     weft_validate_residuals CAPTURE FABRIC [--grid N] [--weight W] [--fit]
+///     weft_validate_residuals CAPTURE FABRIC [--grid N] [--weight W] [--part PART]
 ///
 /// CAPTURE with [truth]; FABRIC a preset or file near that of the capture. N: vertices along each
-/// side, 25 by default; W: phase_weight where folds or the silhouette count too, 1 by default.
-/// Prints
-/// - the floor of each term, at the true surface, and what a displaced true surface costs;
-/// - at FABRIC, the rise of the cost when a parameter is changed by a factor of 4, and the 90 %
-///   intervals, for the terms alone and together;
-/// - analytic derivatives of the residuals against differences of images: agreement and CPU time;
-/// - with --fit: where least squares through each set of terms ends from the same start, and how
-///   far from the true surface.
+/// side, 25 by default; W: phase_weight where folds or the silhouette count too, 0.1 by default.
+/// PART, all of them by default:
+/// - floor: each term at the true surface, and what a displaced true surface costs;
+/// - minimum: at FABRIC, the rise of the cost when a parameter is changed by a factor of 4, and the
+///   90 % intervals, for the terms alone and together;
+/// - derivatives: analytic derivatives of the residuals against differences of images;
+/// - fits: where least squares through each set of terms ends from the same start, and how far from
+///   the true surface.
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <ctime>
@@ -84,6 +85,7 @@ class Study {
   void floor() const;
   void discrimination() const;
   void derivatives() const;
+  void slopes(const TrajectoryWithSensitivities& motion, const VecX& per_range) const;
   void fits() const;
 
  private:
@@ -227,31 +229,120 @@ void Study::derivatives() const {
   for (const std::string& name : free_) indices.push_back(parameter_index(fabric_.model, name));
   const TrajectoryWithSensitivities motion = simulate_with_sensitivities(
       trial_->scene, with.fabric(scaled), indices, trial_->options.simulation);
+  VecX per_range(with.dimension());
+  for (int i = 0; i < with.dimension(); ++i) per_range[i] = scaled_slope(with.info(i), scaled[i]);
+  slopes(motion, per_range);
   fmt::print(
-      "\nanalytic derivatives against differences of images: cosine between the gradients, "
-      "norm of the difference over norm, matrix likewise; CPU ms a frame\n");
+      "\nanalytic derivatives; then differences of images by 1 px and by 4 px. CPU ms a frame; "
+      "analytic against differences: cosine of the gradients, difference over norm, matrix "
+      "likewise\n");
   for (const Terms& terms : term_sets(weight_)) {
     LinearizationOptions options = linearization(terms);
     options.threads = 1;
     options.simulator = [&](const Scene&, const Fabric&, const std::vector<int>&,
                             const SimulationOptions&) { return motion; };
-    QuadraticModel models[2];
-    double seconds[2];
-    for (const bool differences : {false, true}) {
-      options.residual.derivatives = differences ? ResidualOptions::Derivatives::differences
-                                                 : ResidualOptions::Derivatives::analytic;
-      const double begin = cpu_seconds();
-      models[differences] = linearize(terms.silhouette > 0 ? with : without, scaled, options).model;
-      seconds[differences] = cpu_seconds() - begin;
-    }
-    const auto& [a, b] = models;
+    const Problem& p = terms.silhouette > 0 ? with : without;
     const double frames = trial_->frame_count();
-    fmt::print("  {:27} {:7.4f} {:7.3f} {:7.3f}   {:7.1f} {:7.1f}\n", terms.name,
-               a.gradient.dot(b.gradient) / (a.gradient.norm() * b.gradient.norm()),
-               (a.gradient - b.gradient).norm() / b.gradient.norm(),
-               (a.hessian - b.hessian).norm() / b.hessian.norm(), 1e3 * seconds[0] / frames,
-               1e3 * seconds[1] / frames);
+    const auto timed = [&](QuadraticModel& model) {
+      const double begin = cpu_seconds();
+      model = linearize(p, scaled, options).model;
+      return 1e3 * (cpu_seconds() - begin) / frames;
+    };
+    QuadraticModel analytic;
+    fmt::print("  {:27} {:7.1f}", terms.name, timed(analytic));
+    options.residual.derivatives = ResidualOptions::Derivatives::differences;
+    for (const double step : {1.0, 4.0}) {
+      options.residual.image_step = step;
+      QuadraticModel model;
+      const double milliseconds = timed(model);
+      fmt::print("   {:7.1f} {:7.4f} {:7.3f} {:7.3f}", milliseconds,
+                 analytic.gradient.dot(model.gradient) /
+                     (analytic.gradient.norm() * model.gradient.norm()),
+                 (analytic.gradient - model.gradient).norm() / model.gradient.norm(),
+                 (analytic.hessian - model.hessian).norm() / model.hessian.norm());
+    }
+    fmt::print("\n");
+    std::fflush(stdout);
   }
+}
+
+/// Gradients of single frames against the slope of the cost itself, between shapes moved by some px
+/// to either side along each parameter's sensitivity.
+void Study::slopes(const TrajectoryWithSensitivities& motion, const VecX& per_range) const {
+  const std::vector<Terms> sets = {{"folds", 1, 0, 0}, {"silhouette", 0, 1, 0}, {"phase", 0, 0, 1}};
+  const auto residuals = [&](const Terms& terms, ResidualOptions::Derivatives derivatives) {
+    ResidualOptions options;
+    options.fold_weight = terms.fold;
+    options.alpha = terms.silhouette * kAlpha;
+    options.phase_weight = terms.phase;
+    options.derivatives = derivatives;
+    return FrameResiduals(capture_.rig, trial_->scene.mesh, trial_->options.render,
+                          trial_->options.angle_map, options);
+  };
+  FrameResiduals all(capture_.rig, trial_->scene.mesh, trial_->options.render,
+                     trial_->options.angle_map, all_terms());
+  // Columns: analytic, differences, slopes over +-1 and +-3 px; rows: frames and directions.
+  std::array<std::vector<std::array<double, 4>>, 3> found;
+  const double metres_per_px =
+      1 /
+      (capture_.rig.camera.project(truth_.frames[0].rowwise().mean() + Vec3(1e-3, 0, 0)) -
+       capture_.rig.camera.project(truth_.frames[0].rowwise().mean()))
+          .head<2>()
+          .norm() *
+      1e-3;
+  for (std::size_t i = 4; i < trial_->features.size(); i += 10) {
+    const auto at = static_cast<std::size_t>(trial_->first_frame) + i;
+    const Points& x = motion.trajectory.frames[at];
+    MatX d = motion.sensitivities.x[at].leftCols(per_range.size()) * per_range.asDiagonal();
+    for (auto column : d.colwise()) {
+      const double fastest = column.reshaped(3, x.cols()).colwise().norm().maxCoeff();
+      column *= metres_per_px / std::max(fastest, 1e-12);  // now 1 px per unit
+    }
+    const std::size_t row = found[0].size();
+    for (std::size_t k = 0; k < 3; ++k) {
+      found[k].resize(row + std::size_t(d.cols()));
+      for (const std::size_t way : {0U, 1U}) {
+        const VecX gradient =
+            residuals(sets[k], way == 0 ? ResidualOptions::Derivatives::analytic
+                                        : ResidualOptions::Derivatives::differences)
+                .linearize(trial_->features[i], x, d)
+                .gradient;
+        for (Eigen::Index j = 0; j < d.cols(); ++j)
+          found[k][row + std::size_t(j)][way] = gradient[j];
+      }
+    }
+    for (Eigen::Index j = 0; j < d.cols(); ++j)
+      for (const std::size_t way : {2U, 3U}) {
+        const double width = way == 2 ? 1 : 3;
+        Points above = x, below = x;
+        flat(above) += width * d.col(j);
+        flat(below) -= width * d.col(j);
+        const FrameCost a = all.evaluate(trial_->features[i], above);
+        const FrameCost b = all.evaluate(trial_->features[i], below);
+        const double rises[] = {a.fold_cost - b.fold_cost, a.silhouette_cost - b.silhouette_cost,
+                                a.phase_cost - b.phase_cost};
+        for (std::size_t k = 0; k < 3; ++k)
+          found[k][row + std::size_t(j)][way] = rises[k] / (2 * width);
+      }
+  }
+  fmt::print(
+      "\ngradients of every 10th frame, directions of 1 px: cosine with, and size over, the slope "
+      "of the cost over +-1 px and over +-3 px; analytic, then differences of images; then the "
+      "first slope with the second\n");
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto product = [&](std::size_t a, std::size_t b) {
+      double sum = 0;
+      for (const auto& row : found[k]) sum += row[a] * row[b];
+      return sum;
+    };
+    fmt::print("  {:12}", sets[k].name);
+    for (const auto& [a, b] :
+         {std::pair<std::size_t, std::size_t>{0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}})
+      fmt::print("   {:7.3f} {:7.3f}", product(a, b) / std::sqrt(product(a, a) * product(b, b)),
+                 std::sqrt(product(a, a) / product(b, b)));
+    fmt::print("\n");
+  }
+  std::fflush(stdout);
 }
 
 /// The middle of the ranges, with the bend stiffness of three that fits five frames best.
@@ -338,30 +429,35 @@ void Study::fits() const {
 
 int run(int argc, char** argv) {
   const char* usage =
-      "usage: weft_validate_residuals CAPTURE FABRIC [--grid N] [--weight W] [--fit]";
-  if (argc < 3) throw Error(usage);
+      "usage: weft_validate_residuals CAPTURE FABRIC [--grid N] [--weight W] [--part floor | "
+      "minimum | derivatives | fits]";
+  if (argc < 3 || argc % 2 == 0) throw Error(usage);
   int grid = 25;
-  double weight = 1;
-  bool fit = false;
-  for (int i = 3; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument == "--fit")
-      fit = true;
-    else if (argument == "--grid" && i + 1 < argc)
-      grid = std::max(3, std::atoi(argv[++i]));
-    else if (argument == "--weight" && i + 1 < argc)
-      weight = std::atof(argv[++i]);
+  double weight = 0.1;
+  std::string part;
+  for (int i = 3; i < argc; i += 2) {
+    const std::string key = argv[i], value = argv[i + 1];
+    if (key == "--grid")
+      grid = std::max(3, std::atoi(value.c_str()));
+    else if (key == "--weight")
+      weight = std::atof(value.c_str());
+    else if (key == "--part")
+      part = value;
     else
       throw Error(usage);
   }
   const Study study(argv[1], find_fabric(argv[2]), grid, weight);
-  if (fit) {
-    study.fits();
-    return 0;
-  }
-  study.floor();
-  study.discrimination();
-  study.derivatives();
+  bool any = false;
+  const auto run_part = [&](const char* name, void (Study::*what)() const) {
+    if (!part.empty() && part != name) return;
+    (study.*what)();
+    any = true;
+  };
+  run_part("floor", &Study::floor);
+  run_part("minimum", &Study::discrimination);
+  run_part("derivatives", &Study::derivatives);
+  run_part("fits", &Study::fits);
+  if (!any) throw Error(usage);
   return 0;
 }
 
