@@ -113,6 +113,7 @@ TEST_F(TrialTest, HasFeaturesOfEachFrame) {
     EXPECT_GT((f.silhouette != 0).count(), 2000);
     EXPECT_GT((f.fold_mask != 0).count(), 50);
     EXPECT_TRUE((f.fold_mask <= f.angles.valid).all());
+    EXPECT_GT(f.phase.size(), 300u);
   }
 }
 
@@ -212,6 +213,11 @@ TEST_F(TrialTest, CacheGivesTheSameTrial) {
   };
   EXPECT_EQ(fingerprint(fresh), fingerprint(trial_));
   EXPECT_EQ(fingerprint(cached), fingerprint(trial_));
+  const auto same = [](const PhaseSample& a, const PhaseSample& b) {
+    return a.column == b.column && a.y == b.y && a.phase == b.phase;
+  };
+  for (std::size_t k = 0; k < cached->features.size(); ++k)
+    EXPECT_TRUE(std::ranges::equal(cached->features[k].phase, trial_->features[k].phase, same));
 }
 
 TEST_F(TrialTest, CacheMakesDamagedFilesAgainAndKeepsOptionsApart) {

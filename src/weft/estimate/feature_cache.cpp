@@ -12,7 +12,7 @@
 namespace weft {
 namespace {
 
-constexpr std::string_view kMagic = "weft-features-1\n";
+constexpr std::string_view kMagic = "weft-features-2\n";
 
 class Writer {
  public:
@@ -94,6 +94,8 @@ void put_frame(Writer& out, const FrameFeatures& f) {
       out.put(flags_at(f, row, column));
       if (f.angles.valid(row, column)) out.put(f.angles.angle(row, column));
     }
+  out.put(static_cast<std::uint64_t>(f.phase.size()));
+  for (const PhaseSample& sample : f.phase) out.put(sample);
 }
 
 bool get_frame(Reader& in, int height, int width, FrameFeatures& f) {
@@ -111,6 +113,11 @@ bool get_frame(Reader& in, int height, int width, FrameFeatures& f) {
       f.silhouette(row, column) = flags >> 2 & 1;
       if (flags & 1) f.angles.angle(row, column) = in.get<float>();
     }
+  const auto samples = in.get<std::uint64_t>();
+  if (samples > static_cast<std::uint64_t>(height) * static_cast<std::uint64_t>(width))
+    return false;
+  f.phase.resize(samples);
+  for (PhaseSample& sample : f.phase) sample = in.get<PhaseSample>();
   return in.ok();
 }
 

@@ -180,6 +180,7 @@ class LeastSquaresFit {
     options.frame_count = stage.frames;
     options.residual.silhouette_sigma = stage.silhouette_sigma;
     options.residual.fold_scale = stage.fold_scale;
+    options.residual.phase_weight = stage.phase_weight;
     options.threads = options_.threads;
     return options;
   }

@@ -18,6 +18,7 @@ struct FitStage {
   /// few frames do not determine stays out of the corners, from where later frames would have to
   /// fetch it back.
   double pull = 0.05;
+  double phase_weight = 0;  ///< of the stripes' phase (ResidualOptions)
 };
 
 struct LeastSquaresFitOptions {

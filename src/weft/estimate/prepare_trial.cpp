@@ -31,6 +31,9 @@ std::vector<FrameFeatures> extract_features(const std::vector<Image>& frames,
                                             int threads) {
   std::vector<FrameFeatures> features(frames.size());
   const SilhouetteOptions silhouette{.stripe_period = image_stripe_period(capture)};
+  Vec3 reference = Vec3::Zero();
+  for (const CaptureFixture& fixture : capture.fixtures)
+    reference += fixture.motion.position(0) / double(capture.fixtures.size());
   const std::size_t workers = worker_count(frames.size(), threads);
   parallel_for(workers, threads, [&](std::size_t worker) {
     AngleMapper mapper(capture.rig.width, capture.rig.height, options);
@@ -39,6 +42,7 @@ std::vector<FrameFeatures> extract_features(const std::vector<Image>& frames,
       f.silhouette = find_silhouette(frames[i], silhouette).silhouette;
       f.angles = mapper.compute(frames[i], f.silhouette);
       f.fold_mask = gradient_mask(f.angles, options.mask_threshold);
+      f.phase = stripe_phase_samples(frames[i], f.silhouette, capture.rig, reference);
       f.angles.strength.resize(0, 0);
       // Whatever stands where the angle is undefined means nothing; zero compares and stores well.
       f.angles.angle = (f.angles.valid != 0).select(f.angles.angle, 0.0f);

@@ -1,13 +1,17 @@
 #pragma once
+#include <vector>
+
+#include "weft/objective/stripe_phase.h"
 #include "weft/vision/angle_map.h"
 
 namespace weft {
 
-/// What the metric needs of one measured frame; computed once and kept.
+/// What the metric and the residuals need of one measured frame; computed once and kept.
 struct FrameFeatures {
   AngleMap angles;
-  Mask fold_mask;   ///< M_k, equation 4
-  Mask silhouette;  ///< A_k, equation 7
+  Mask fold_mask;                  ///< M_k, equation 4
+  Mask silhouette;                 ///< A_k, equation 7
+  std::vector<PhaseSample> phase;  ///< of the stripes; not part of the metric
 };
 
 /// Bhat 2003, equations 5 to 8, for one frame.

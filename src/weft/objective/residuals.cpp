@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "weft/base/error.h"
 #include "weft/objective/residuals_motion.h"
@@ -91,6 +92,56 @@ Box grown(const Box& box, int by, int width, int height) {
           std::min(box.y1 + by, height)};
 }
 
+RenderOptions with_rows(RenderOptions render, bool wanted) {
+  render.projector_row = wanted;
+  return render;
+}
+
+/// Cauchy's loss of a residual.
+double loss(double r, double scale) {
+  return std::isinf(scale) ? r * r : scale * scale * std::log1p(r * r / (scale * scale));
+}
+/// Its derivative by r^2.
+double loss_slope(double r, double scale) {
+  return std::isinf(scale) ? 1 : 1 / (1 + r * r / (scale * scale));
+}
+/// Its mean over residuals that are spread evenly over (-pi, pi].
+double mean_phase_loss(double s) {
+  constexpr double pi = std::numbers::pi;
+  if (s > 1e3) return pi * pi / 3;  // to 1e-6; below, terms would cancel
+  return s * s * (std::log1p(pi * pi / (s * s)) - 2 + 2 * s / pi * std::atan(pi / s));
+}
+
+/// Projector row of the surface at a point between the pixel centres of a column; false where no
+/// lit surface is. Pixels on either side of a jump by more than half a period belong to different
+/// pieces of cloth: the nearer one counts.
+bool row_at(const Image& rows, const PhaseSample& sample, double largest_jump, double& row,
+            Vec2& slope) {
+  const int height = int(rows.rows()), width = int(rows.cols());
+  const double position = double(sample.y) - 0.5;
+  const int above = int(std::floor(position)), nearest = int(std::lround(position));
+  if (sample.column < 0 || sample.column >= width || nearest < 0 || nearest >= height) return false;
+  const double here = double(rows(nearest, sample.column));
+  if (!std::isfinite(here)) return false;
+  const auto step = [&](int i, int j) {  // NaN: not the same piece of cloth
+    if (i < 0 || j < 0 || i >= height || j >= width)
+      return std::numeric_limits<double>::quiet_NaN();
+    const double change = double(rows(i, j)) - here;
+    return std::abs(change) < largest_jump ? change : std::numeric_limits<double>::quiet_NaN();
+  };
+  // Down the column: across the pixel boundary between which the point lies.
+  const int other = nearest == above ? above + 1 : above;
+  const double down = step(other, sample.column) * (other - nearest);
+  const double after = step(nearest, sample.column + 1), before = -step(nearest, sample.column - 1);
+  slope.y() = std::isfinite(down) ? down : 0;
+  if (std::isfinite(after))
+    slope.x() = std::isfinite(before) ? 0.5 * (after + before) : after;
+  else
+    slope.x() = std::isfinite(before) ? before : 0;
+  row = here + (position - nearest) * slope.y();
+  return true;
+}
+
 /// Coverage this far from 0 and 1 belongs to an outline.
 constexpr float kCoverageFloor = 1e-3f;
 
@@ -107,18 +158,23 @@ struct FrameResiduals::Impl {
  private:
   double collect_folds(const FrameFeatures& measured, const AngleMap& simulated);
   double collect_outlines(const FrameFeatures& measured, const Mask& silhouette);
+  double collect_phase(const FrameFeatures& measured, const Image& rows, FrameCost& cost);
   double fastest_motion(const Points& x, const Eigen::Ref<const VecX>& direction) const;
   void differentiate_stripes(const Points& x, const MatX& directions);
   void follow_folds(const Points& x, const MatX& directions);
   void follow_outlines();
+  void follow_phase(const Points& x, const MatX& directions);
+  Eigen::Index first_phase() const { return Eigen::Index(pixels_.size() + outline_.size()); }
   Vec2 angle_gradient(int row, int column) const;
   void differentiate(const Points& x, const Eigen::Ref<const VecX>& direction, Eigen::Index column);
-  Eigen::Index residual_count() const { return Eigen::Index(pixels_.size() + outline_.size()); }
+  Eigen::Index residual_count() const { return first_phase() + Eigen::Index(edges_.size()); }
 
   Projection camera_;
   int width_, height_;
   ResidualOptions options_;
-  double share_;  ///< pixels that one with derivatives stands for
+  double share_;         ///< pixels that one with derivatives stands for
+  double period_;        ///< of the stripes, projector px
+  double unseen_phase_;  ///< loss of an edge without simulated cloth
   Renderer renderer_;
   AngleMapper mapper_;
   detail::StripeMotion motion_;
@@ -127,7 +183,7 @@ struct FrameResiduals::Impl {
   Box box_;  ///< of the outlines
   int margin_;
   // Of the last look: pixels of fold terms with their angle, then pixels of outlines with their
-  // coverage.
+  // coverage, then edges.
   std::vector<Eigen::Index> pixels_;
   std::vector<float> angles_;
   struct OutlinePixel {
@@ -135,7 +191,13 @@ struct FrameResiduals::Impl {
     float coverage;
   };
   std::vector<OutlinePixel> outline_;
-  std::vector<double> residuals_, weights_;  ///< folds, then outlines
+  struct SeenEdge {
+    PhaseSample sample;
+    double row;  ///< projector row of the simulated surface there
+    Vec2 slope;  ///< its gradient in the image
+  };
+  std::vector<SeenEdge> edges_;
+  std::vector<double> residuals_, weights_;  ///< folds, then outlines, then phases
   Points moved_;
   MatX jacobian_, weighted_;  ///< one frame's: its pixels x directions
 };
@@ -147,7 +209,9 @@ FrameResiduals::Impl::Impl(const Rig& rig, const TriangleMesh& mesh, const Rende
       height_(rig.height),
       options_(given),
       share_(double(given.stride) * given.stride),
-      renderer_(rig, mesh, render),
+      period_(rig.pattern.period),
+      unseen_phase_(mean_phase_loss(given.phase_scale)),
+      renderer_(rig, mesh, with_rows(render, given.phase_weight > 0)),
       mapper_(rig.width, rig.height, angle_map),
       motion_(rig, mesh),
       measured_coverage_(given.silhouette_sigma),
@@ -162,8 +226,38 @@ FrameCost FrameResiduals::Impl::look(const FrameFeatures& measured, const Points
   result.error = compare(measured, simulated, image.silhouette);
   residuals_.clear();
   weights_.clear();
-  result.cost = collect_folds(measured, simulated) + collect_outlines(measured, image.silhouette);
+  result.fold_cost = collect_folds(measured, simulated);
+  result.silhouette_cost = collect_outlines(measured, image.silhouette);
+  result.phase_cost = collect_phase(measured, image.projector_row, result);
+  result.cost = result.fold_cost + result.silhouette_cost + result.phase_cost;
   return result;
+}
+
+/// Returns their cost; fills in the counts.
+double FrameResiduals::Impl::collect_phase(const FrameFeatures& measured, const Image& rows,
+                                           FrameCost& counts) {
+  edges_.clear();
+  if (options_.phase_weight == 0) return 0;
+  counts.phase_samples = int(measured.phase.size());
+  double cost = 0;
+  SeenEdge edge;
+  for (const PhaseSample& sample : measured.phase) {
+    edge.sample = sample;
+    if (!row_at(rows, sample, 0.5 * period_, edge.row, edge.slope)) {
+      cost += unseen_phase_;
+      continue;
+    }
+    ++counts.phase_seen;
+    constexpr double turn = 2 * std::numbers::pi;
+    const double r = std::remainder(turn * edge.row / period_ - double(sample.phase), turn);
+    cost += loss(r, options_.phase_scale);
+    if (sample.column % options_.stride != 0) continue;
+    edges_.push_back(edge);
+    residuals_.push_back(r);
+    weights_.push_back(options_.stride * options_.phase_weight *
+                       loss_slope(r, options_.phase_scale));
+  }
+  return options_.phase_weight * cost;
 }
 
 /// Returns their cost.
@@ -171,8 +265,7 @@ double FrameResiduals::Impl::collect_folds(const FrameFeatures& measured,
                                            const AngleMap& simulated) {
   pixels_.clear();
   angles_.clear();
-  const bool plain = std::isinf(options_.fold_scale);
-  const double s2 = options_.fold_scale * options_.fold_scale;
+  if (options_.fold_weight == 0) return 0;
   double cost = 0;
   for (int row = 0; row < height_; ++row) {
     for (int column = 0; column < width_; ++column) {
@@ -182,15 +275,15 @@ double FrameResiduals::Impl::collect_folds(const FrameFeatures& measured,
         continue;
       const float angle = simulated.angle.data()[i];
       const double r = double(orientation_difference(angle, measured.angles.angle.data()[i]));
-      cost += plain ? r * r : s2 * std::log1p(r * r / s2);
+      cost += loss(r, options_.fold_scale);
       if (row % options_.stride != 0 || column % options_.stride != 0) continue;
       pixels_.push_back(i);
       angles_.push_back(angle);
       residuals_.push_back(r);
-      weights_.push_back(share_ / (1 + (plain ? 0 : r * r / s2)));
+      weights_.push_back(share_ * options_.fold_weight * loss_slope(r, options_.fold_scale));
     }
   }
-  return cost;
+  return options_.fold_weight * cost;
 }
 
 /// Returns their cost.
@@ -258,6 +351,15 @@ void FrameResiduals::Impl::differentiate(const Points& x, const Eigen::Ref<const
     const float change = orientation_difference(simulated.angle.data()[at], angles_[i]);
     const bool follows = simulated.valid.data()[at] != 0 && std::abs(change) <= largest;
     derivative[Eigen::Index(i)] = follows ? double(change) / step : 0;
+  }
+  for (std::size_t i = 0; i < edges_.size(); ++i) {
+    double row = 0;
+    Vec2 slope;
+    const double turn = 2 * std::numbers::pi / period_;
+    const bool seen = row_at(image.projector_row, edges_[i].sample, 0.5 * period_, row, slope);
+    const double change = seen ? std::remainder(row - edges_[i].row, period_) * turn : 0;
+    const bool follows = std::abs(change) <= options_.largest_phase_turn * options_.image_step;
+    derivative[first_phase() + Eigen::Index(i)] = follows ? change / step : 0;
   }
   if (outline_.empty()) return;
   coverage_.blur(image.silhouette, box_);
@@ -335,11 +437,35 @@ void FrameResiduals::Impl::follow_outlines() {
   }
 }
 
+/// The row at a fixed pixel: what the surface carries along, minus the motion of its image past
+/// the pixel.
+void FrameResiduals::Impl::follow_phase(const Points& x, const MatX& directions) {
+  detail::StripeMotion::Rates rates;
+  const double to_phase = 2 * std::numbers::pi / period_;
+  VecX turn, largest(directions.cols());
+  for (Eigen::Index j = 0; j < directions.cols() && !edges_.empty(); ++j)
+    largest[j] = options_.largest_phase_turn * fastest_motion(x, directions.col(j));
+  for (std::size_t i = 0; i < edges_.size(); ++i) {
+    const SeenEdge& edge = edges_[i];
+    auto derivative = jacobian_.row(first_phase() + Eigen::Index(i));
+    const double row = double(edge.sample.y) - 0.5;
+    const int triangle = motion_.triangle(int(std::lround(row)), edge.sample.column);
+    if (triangle < 0) {
+      derivative.setZero();
+      continue;
+    }
+    motion_.rates(triangle, row, edge.sample.column, rates);
+    turn = to_phase * (rates.row - edge.slope.x() * rates.right - edge.slope.y() * rates.down);
+    derivative = (turn.array().abs() <= largest.array()).select(turn, 0).transpose();
+  }
+}
+
 void FrameResiduals::Impl::differentiate_stripes(const Points& x, const MatX& directions) {
   motion_.look(x);
   motion_.move(x, directions);
   follow_folds(x, directions);
   follow_outlines();
+  follow_phase(x, directions);
 }
 
 FrameLinearization FrameResiduals::Impl::linearize(const FrameFeatures& measured, const Points& x,
@@ -366,7 +492,14 @@ FrameResiduals::FrameResiduals(const Rig& rig, const TriangleMesh& mesh,
                                const RenderOptions& render, const AngleMapOptions& angle_map,
                                const ResidualOptions& options) {
   require(options.alpha >= 0 && std::isfinite(options.alpha), "alpha", options.alpha, "at least 0");
+  require(options.fold_weight >= 0 && std::isfinite(options.fold_weight), "fold_weight",
+          options.fold_weight, "at least 0");
   require(options.fold_scale > 0, "fold_scale", options.fold_scale, "above 0 rad");
+  require(options.phase_weight >= 0 && std::isfinite(options.phase_weight), "phase_weight",
+          options.phase_weight, "at least 0");
+  require(options.phase_scale > 0, "phase_scale", options.phase_scale, "above 0 rad");
+  require(options.largest_phase_turn > 0, "largest_phase_turn", options.largest_phase_turn,
+          "above 0 rad/px");
   require(options.silhouette_sigma > 0 && options.silhouette_sigma <= 64, "silhouette_sigma",
           options.silhouette_sigma, "above 0 and at most 64 px");
   require(options.stride >= 1 && options.stride <= 16, "stride", options.stride, "1 to 16");

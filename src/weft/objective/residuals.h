@@ -17,9 +17,17 @@
 /// (A difference of signed distances needs a band, a clamp and a scale, and its sum of squares
 /// grows like d^2 where equation 6 grows like d.)
 ///
-/// Derivatives are differences of images: the cloth is moved by a fraction of a pixel along each
-/// direction, and rendered and filtered again. What visibility, shadow and the filters do is in
-/// them.
+/// Phase, a third term beside the paper's two. At each stripe edge of the measured frame
+/// (stripe_phase.h) the residual is the phase of the projector row that lights the simulated
+/// surface there, minus the measured phase, wrapped to (-pi, pi]: a distance in depth along the
+/// pixel's ray, where folds measure slopes. Its loss is Cauchy's too. An edge where the simulated
+/// cloth is not seen or not lit costs what a phase without any relation would cost on average, so
+/// that hiding cloth gains nothing; its derivative is zero. The number of edges is the measured
+/// frame's, the same for all shapes.
+///
+/// Derivatives are those of the stripes on the moving mesh or differences of images, see
+/// Derivatives: there the cloth is moved by a fraction of a pixel along each direction, and
+/// rendered and filtered again. What visibility, shadow and the filters do is in them.
 #include <memory>
 #include <vector>
 
@@ -29,8 +37,11 @@
 namespace weft {
 
 struct ResidualOptions {
-  double alpha = 0.1;           ///< weight of the silhouette (equation 8), >= 0
-  double fold_scale = 1;        ///< s of Cauchy's loss, rad; > 0, infinity: plain squares
+  double alpha = 0.1;       ///< weight of the silhouette (equation 8), >= 0
+  double fold_weight = 1;   ///< >= 0; 1 but for comparisons of the terms
+  double fold_scale = 1;    ///< s of Cauchy's loss, rad; > 0, infinity: plain squares
+  double phase_weight = 0;  ///< rad^2 of a masked pixel's angle per rad^2 of an edge's phase; >= 0
+  double phase_scale = 1;   ///< s of Cauchy's loss, rad; > 0, infinity: plain squares
   double silhouette_sigma = 3;  ///< px, (0, 64]
   /// Derivatives are taken at every so many-th pixel along each axis, and count for all; 1 to 16.
   /// The filters make neighbours nearly equal.
@@ -45,12 +56,20 @@ struct ResidualOptions {
   /// faster; what does is a pixel at a border that jumps to another piece of cloth (differences) or
   /// a crumpled triangle (analytic), and its derivative counts as zero; > 0.
   double largest_turn = 0.2;
+  /// The same for the phase. Moving by 1 px turns the phase by at most 2 pi over the stripes'
+  /// period in the image (0.4 at 16 px) where the surface faces the camera, and by more the more it
+  /// slants; > 0.
+  double largest_phase_turn = 2;
 };
 
 /// One frame. Sums over pixels, not means.
 struct FrameCost {
   FrameError error;  ///< of equations 5 and 6, for reports
   double cost = 0;   ///< sum of losses, rad^2: comparable with error.total(alpha)
+  /// Parts of the cost, with their weights.
+  double fold_cost = 0, silhouette_cost = 0, phase_cost = 0;
+  int phase_samples = 0;  ///< edges of the measured frame; 0 if phase_weight is 0
+  int phase_seen = 0;     ///< of these, where the simulated cloth is seen and lit
 };
 /// The same with derivatives by n directions.
 struct FrameLinearization : FrameCost {

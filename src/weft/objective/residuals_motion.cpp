@@ -62,7 +62,7 @@ void StripeMotion::draw(int triangle) {
 
 void StripeMotion::move(const Points& x, const MatX& directions) {
   const Eigen::Index n = directions.cols(), count = x.cols();
-  MatX phase(n, count);
+  row_.resize(n, count);
   right_.resize(n, count);
   down_.resize(n, count);
   const Projection& camera = rig_.camera.projection();
@@ -74,7 +74,7 @@ void StripeMotion::move(const Points& x, const MatX& directions) {
     const double projector_w = projector.row(2).head<3>().dot(x.col(v)) + projector(2, 3);
     right_.col(v) = motion.transpose() * image_gradient(camera, 0, image_(0, v), camera_w);
     down_.col(v) = motion.transpose() * image_gradient(camera, 1, image_(1, v), camera_w);
-    phase.col(v) = motion.transpose() * image_gradient(projector, 1, lit.y(), projector_w);
+    row_.col(v) = motion.transpose() * image_gradient(projector, 1, lit.y(), projector_w);
   }
 
   Eigen::Matrix2Xd across = Eigen::Matrix2Xd::Zero(2, count);
@@ -90,10 +90,10 @@ void StripeMotion::move(const Points& x, const MatX& directions) {
     // The sign of the area: triangles seen from behind count like those seen from the front.
     const double side = bx * cy - cx * by > 0 ? 1 : -1;
     const Vec2 h = side * Vec2(cy * pb - by * pc, bx * pc - cx * pb);
-    dx = side * ((down_.col(c) - down_.col(a)) * pb + cy * (phase.col(b) - phase.col(a)) -
-                 (down_.col(b) - down_.col(a)) * pc - by * (phase.col(c) - phase.col(a)));
-    dy = side * ((right_.col(b) - right_.col(a)) * pc + bx * (phase.col(c) - phase.col(a)) -
-                 (right_.col(c) - right_.col(a)) * pb - cx * (phase.col(b) - phase.col(a)));
+    dx = side * ((down_.col(c) - down_.col(a)) * pb + cy * (row_.col(b) - row_.col(a)) -
+                 (down_.col(b) - down_.col(a)) * pc - by * (row_.col(c) - row_.col(a)));
+    dy = side * ((right_.col(b) - right_.col(a)) * pc + bx * (row_.col(c) - row_.col(a)) -
+                 (right_.col(c) - right_.col(a)) * pb - cx * (row_.col(b) - row_.col(a)));
     for (const int v : {a, b, c}) {
       across.col(v) += h;
       across_x_.col(v) += dx;
@@ -124,6 +124,7 @@ void StripeMotion::rates(int triangle, double row, double column, Rates& out) co
   mix(turn_, out.turn);
   mix(right_, out.right);
   mix(down_, out.down);
+  mix(row_, out.row);
 }
 
 }  // namespace weft::detail

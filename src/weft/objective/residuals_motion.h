@@ -31,10 +31,12 @@ class StripeMotion {
     return seen_[static_cast<std::size_t>(row * width_ + column)];
   }
   /// Derivatives at a pixel of `triangle`, interpolated from its vertices: turn of the stripes
-  /// (rad), and motion of the surface's image (px); n numbers each, per unit of the directions.
+  /// (rad), motion of the surface's image (px), and of the projector row that lights it (px); n
+  /// numbers each, per unit of the directions.
   struct Rates {
-    VecX turn, right, down;
+    VecX turn, right, down, row;
   };
+  /// `row` and `column` of the pixel, its centre half a pixel further; may be fractions.
   void rates(int triangle, double row, double column, Rates& out) const;
 
  private:
@@ -49,6 +51,7 @@ class StripeMotion {
   std::vector<int> seen_;
   std::vector<float> nearness_;  ///< 1 / depth
   MatX turn_, right_, down_;     ///< n x vertices
+  MatX row_;                     ///< n x vertices: derivative of phase_
   MatX across_x_, across_y_;     ///< n x vertices: derivative of h
 };
 
