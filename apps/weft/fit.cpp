@@ -29,10 +29,6 @@
 namespace weft::app {
 namespace {
 
-// Frames that follow each other are not independent: what the model lacks lasts for some frames.
-// The jackknife wants several blocks, though.
-constexpr int kMostFramesPerBlock = 5;
-constexpr int kLeastBlocks = 8;
 constexpr int kStoppedEarly = 130;  // as the shell reports a program ended by Ctrl-C
 const std::string kStoreName = "evaluations.sqlite";
 
@@ -89,11 +85,8 @@ std::optional<Uncertainty> uncertainty_of(const Problem& problem, const FitResul
   LinearizationOptions options;
   options.threads = trial.threads();
   const ProblemLinearization found = linearize(problem, fit.scaled, options);
-  UncertaintyOptions how;
-  how.frames_per_cluster =
-      std::clamp(static_cast<int>(found.parts.size()) / kLeastBlocks, 1, kMostFramesPerBlock);
-  if (join_frames(found.parts, how.frames_per_cluster).size() < 2) return {};
-  return estimate_uncertainty(problem, fit.scaled, found.parts, how);
+  if (found.parts.size() < 2) return {};
+  return estimate_uncertainty(problem, fit.scaled, found.parts);
 }
 
 void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
@@ -102,6 +95,8 @@ void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
   certainty.clusters = uncertainty.clusters;
   certainty.condition = uncertainty.condition;
   certainty.noise = uncertainty.noise;
+  certainty.dispersion = uncertainty.dispersion;
+  certainty.frames_per_cluster = uncertainty.frames_per_cluster;
   for (const ParameterInterval& p : uncertainty.parameters) certainty.parameters.push_back(p.name);
   certainty.correlation = uncertainty.correlation;
   certainty.covariance = uncertainty.covariance;
@@ -214,6 +209,9 @@ void print_result(const FitResult& fit, const Report& report,
       "error {:.5g}, at the middle of the ranges {:.5g}; {} evaluations ({} replayed, {} "
       "diverged) in {:.1f} s\n",
       fit.final.error, fit.initial.error, fit.evaluations, fit.replayed, fit.diverged, fit.wall_s);
+  if (report.prior_error)
+    fmt::print("the priors add {:.3g} to the error, with weight {:.3g}\n", *report.prior_error,
+               fit.prior_weight);
   for (std::size_t i = 0; i < evaluations.size(); ++i) {
     const CaptureEvaluation& e = evaluations[i];
     fmt::print("{}: error per frame {:.5g} (fit frames)", report.captures[i].name, e.fit.error);
@@ -279,11 +277,17 @@ void run(const Arguments& arguments) {
   const std::filesystem::path out = arguments.out;
   const std::vector<Capture> captures = read_captures(arguments.captures);
   const Fabric initial = initial_fabric(arguments, captures.front());
+  std::vector<ParameterPrior> priors;
+  if (!arguments.initial.empty()) priors = find_priors(arguments.initial);
+  if (!priors.empty() && arguments.method == "annealing")
+    throw Error(fmt::format("{}: has priors, which --method annealing cannot weigh against the "
+                            "data; use --method auto",
+                            arguments.initial));
   check_parameters("--parameters", initial.model, arguments.parameters);
   check_parameters("--coarse", initial.model, arguments.coarse);
   prepare_folder(arguments, out);
   const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
-  const Problem problem(trials, initial, free_parameters(arguments, initial.model));
+  const Problem problem(trials, initial, free_parameters(arguments, initial.model), {}, priors);
   EvaluationStore store = open_store(out, problem);
   PhaseProgress progress;
   const FitObserver observer = [&](const FitProgress& p) { return progress(p); };

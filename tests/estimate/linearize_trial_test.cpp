@@ -287,5 +287,32 @@ TEST_F(LinearizeTest, AFitRejectsBadOptions) {
   EXPECT_THROW(run_least_squares_fit(other, small_fit()), Error);
 }
 
+LeastSquaresFitOptions fit_from_here() {
+  LeastSquaresFitOptions options;
+  options.screening_points = 0;
+  options.stages = {{0, 1, 8, 3, 1, 0}};
+  options.start = FitOptions::Start::initial;
+  return options;
+}
+
+TEST_F(LinearizeTest, APriorWeighsAsItSaysAgainstTheData) {
+  Fabric start = true_fabric();
+  start.set("bend_stiffness", 3e-5);
+  const auto fit = [&](std::vector<ParameterPrior> priors) {
+    return run_least_squares_fit(
+        Problem({trial_}, start, {"bend_stiffness"}, {}, std::move(priors)), fit_from_here());
+  };
+  const FitResult free = fit({}), vague = fit({{"bend_stiffness", 8e-5, 1e5}});
+  const FitResult sure = fit({{"bend_stiffness", 8e-5, 1.001}});
+  EXPECT_EQ(free.prior_error, 0);
+  EXPECT_NEAR(vague.scaled[0], free.scaled[0], 0.005);
+  EXPECT_NEAR(sure.fabric.value("bend_stiffness"), 8e-5, 2e-6);
+  EXPECT_GT(sure.prior_weight, 0);
+  // The error stays that of the data, which the prior has made larger.
+  EXPECT_GT(sure.final.error, free.final.error);
+  const Problem problem({trial_}, start, {"bend_stiffness"});
+  EXPECT_DOUBLE_EQ(sure.final.error, evaluate(problem, sure.fabric).error);
+}
+
 }  // namespace
 }  // namespace weft

@@ -12,6 +12,7 @@
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
+#include "weft/estimate/uncertainty.h"
 
 namespace weft {
 namespace {
@@ -95,10 +96,11 @@ class LeastSquaresFit {
     phase_best_ = std::min(phase_best_, evaluation.error);
     result_.history.push_back(
         {phase, result_.history.size() + 1, evaluation.error, phase_best_, 0});
-    if (frame_count == 0 && (result_.scaled.size() == 0 || evaluation.error < best_error_)) {
+    const double error = evaluation.error + prior_weight_ * problem_.prior_cost(scaled);
+    if (frame_count == 0 && (result_.scaled.size() == 0 || error < best_error_)) {
       result_.scaled = scaled;
       result_.final = evaluation;
-      best_error_ = evaluation.error;
+      best_error_ = error;
     }
     const FitProgress progress{result_.history.back(), ++phase_done_, total, result_.replayed};
     if (observer_ && !observer_(progress)) stopped_ = true;
@@ -199,14 +201,35 @@ class LeastSquaresFit {
     }
   }
 
+  /// By the noise of this stage's residuals; the best so far is judged by it from then on.
+  void weigh_priors(const std::vector<CostPart>& parts) {
+    if (problem_.priors().empty() || parts.size() < 2) return;
+    const double dispersion = cluster_dispersion(join_frames(parts, frames_per_cluster(parts)));
+    if (!std::isfinite(dispersion)) return;
+    prior_weight_ = dispersion;
+    if (result_.scaled.size() > 0)
+      best_error_ = result_.final.error + prior_weight_ * problem_.prior_cost(result_.scaled);
+  }
+
+  void add_priors(const VecX& scaled, QuadraticModel& model) const {
+    const VecX& precision = problem_.prior_precision();
+    model.cost += prior_weight_ * problem_.prior_cost(scaled);
+    model.gradient += prior_weight_ * precision.cwiseProduct(scaled - problem_.prior_mean());
+    model.hessian.diagonal() += prior_weight_ * precision;
+  }
+
   void improve(const FitStage& stage, Candidate& candidate) {
     const LinearizationOptions options = linearization_of(stage);
     const std::string phase = phase_of(stage);
     const VecX origin = reference();
-    double pull = -1;  // set by the first linearization
+    double pull = -1;  // set by the first linearization, as is the weight of the priors
     const auto linearized = [&](const VecX& scaled) {
       ProblemLinearization found = linearize(problem_, scaled, options);
-      if (pull < 0) pull = std::isfinite(found.model.cost) ? stage.pull * found.model.cost : 0;
+      if (pull < 0) {
+        pull = std::isfinite(found.model.cost) ? stage.pull * found.model.cost : 0;
+        weigh_priors(found.parts);
+      }
+      add_priors(scaled, found.model);
       found.model.cost += pull * (scaled - origin).squaredNorm();
       found.model.gradient += 2 * pull * (scaled - origin);
       found.model.hessian.diagonal().array() += 2 * pull;
@@ -219,7 +242,8 @@ class LeastSquaresFit {
       if (store_)
         store_->add(problem_, problem_.fabric(scaled), stage.frames, phase, found.evaluation);
       note(phase, scaled, stage.frames, found.evaluation);
-      return found.cost + pull * (scaled - origin).squaredNorm();
+      return found.cost + prior_weight_ * problem_.prior_cost(scaled) +
+             pull * (scaled - origin).squaredNorm();
     };
     LeastSquaresOptions solver = options_.solver;
     solver.max_iterations = stage.max_iterations;
@@ -235,6 +259,8 @@ class LeastSquaresFit {
     if (std::isfinite(result_.final.error))
       for (const auto& trial : problem_.trials())
         result_.trials.push_back(evaluate(*trial, result_.fabric, 0, nullptr, options_.threads));
+    result_.prior_weight = prior_weight_;
+    result_.prior_error = prior_weight_ * problem_.prior_cost(result_.scaled);
     result_.stopped = stopped_;
     warn();
   }
@@ -262,6 +288,7 @@ class LeastSquaresFit {
   const FitObserver& observer_;
   std::string phase_;
   double phase_best_ = kInfinity, best_error_ = kInfinity;
+  double prior_weight_ = 0;
   std::size_t phase_done_ = 0;
   bool stopped_ = false;
   FitResult result_;
@@ -287,7 +314,9 @@ FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
   FitOptions annealing = options.annealing;
   annealing.start = FitOptions::Start::initial;
   annealing.coarse_parameters.clear();
-  const Problem from_there(problem.trials(), descent.fabric, problem.free());
+  const Problem from_there(problem.trials(), descent.fabric, problem.free(), {},
+                           problem.priors());
+  annealing.prior_weight = descent.prior_weight;
   FitResult result = run_fit(from_there, annealing, store, observer);
   result.initial = descent.initial;
   const std::size_t before = descent.history.size();

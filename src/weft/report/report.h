@@ -32,6 +32,7 @@ struct ReportParameter {
   /// 90 % interval of the value; an end that the data do not bound is infinite, or 0. Nothing where
   /// it was not computed.
   std::optional<double> interval_lower, interval_upper;
+  std::optional<double> prior_median, prior_factor;  ///< ParameterPrior; both or neither
   bool determined = true;  ///< false: the data do not determine it; its value is no measurement
   Bound at_bound = Bound::none;
 };
@@ -43,6 +44,8 @@ struct ReportCertainty {
   int clusters = 0;                     ///< blocks of frames that were left out in turn
   double condition = 0;                 ///< of the problem; infinity: singular
   double noise = 0;                     ///< Uncertainty::noise, rad^2
+  double dispersion = 0;                ///< Uncertainty::dispersion, in the unit of the error
+  int frames_per_cluster = 1;
   std::vector<std::string> parameters;  ///< the free ones
   MatX correlation;                     ///< NaN where a parameter is not determined or held
   MatX covariance;
@@ -131,6 +134,7 @@ struct Report {
   std::uint64_t seed = 0;
   bool stopped = false;                 ///< ended before its time; the best so far is reported
   double error_initial = 0, error = 0;  ///< that the search minimized
+  std::optional<double> prior_error;    ///< what priors add to it; nothing without priors
   std::string error_meaning;            ///< "per frame and masked pixel, summed over captures"
   std::size_t evaluations = 0;
   std::size_t diverged = 0;  ///< evaluations whose simulation diverged: infinite error

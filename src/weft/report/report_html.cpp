@@ -305,6 +305,11 @@ std::string found_section(const Report& report) {
       "the "
       "bars, the dot is the estimate, the tick where the search started, the shade ";
   html += with_intervals ? "the interval." : "the variability.";
+  for (const ReportParameter& p : report.parameters) {
+    if (!p.free || !p.prior_median || !p.prior_factor) continue;
+    html += fmt::format(" Prior of {}: {} within a factor of {} (68 %).", escaped(in_words(p.name)),
+                        escaped(with_unit(*p.prior_median, p.unit)), format_short(*p.prior_factor));
+  }
   if (with_intervals) {
     html +=
         " The 90 % interval comes from leaving out each frame in turn, to first order: it holds "
