@@ -10,7 +10,8 @@
 /// is all that is wrong; `other` has a finer mesh, split the other way, and a quarter of the step.
 /// The motion starts from the true first frame in both. Writes recoveries.csv (a row a parameter
 /// and recovery; rows of an earlier run stay, so that more recoveries can be added with --first),
-/// parts.csv (truth, recovery, frame, its gradient and matrix at the estimate), coverage.svg, and
+/// parts.csv (truth, recovery, frame or
+/// patch, its gradient and matrix at the estimate), coverage.svg, and
 /// prints how often the interval of each parameter that was reported as determined held the truth.
 #include <fmt/core.h>
 
@@ -46,7 +47,7 @@ struct Arguments {
 
 const std::string kHeader =
     "truth,recovery,parameter,true_scaled,estimate_scaled,half_width,determined,at_bound,holds,"
-    "condition,dispersion,gain";
+    "condition,dispersion,gain,cost";
 
 struct Tally {
   int held = 0, determined = 0, all = 0;
@@ -112,24 +113,29 @@ class Study {
       coordinate = std::clamp(coordinate + rng.uniform(-0.05, 0.05), 0.0, 1.0);
     const LeastSquaresResult fit = descend(problem, start);
     if (!std::isfinite(fit.cost)) throw Error("the fit diverged");
-    const ProblemLinearization found = linearize(problem, fit.x, linearization());
-    const Uncertainty uncertainty = estimate_uncertainty(problem, fit.x, found.parts);
+    const std::vector<PatchPart> parts = linearize_patches(problem, fit.x, linearization());
+    const Uncertainty uncertainty = estimate_uncertainty(problem, fit.x, parts);
     const double gain = fit.cost / evaluate_cost(problem, true_scaled, linearization()).cost;
     Rows rows;
-    for (const CostPart& part : found.parts) {
-      rows.parts += fmt::format("{},{},{}", same ? "same" : "other", index, part.frame);
-      for (const double g : part.gradient) rows.parts += fmt::format(",{:.9g}", g);
-      for (const double h : part.hessian.reshaped()) rows.parts += fmt::format(",{:.9g}", h);
-      rows.parts += '\n';
-    }
+    const auto add_parts = [&](const char* kind, const std::vector<CostPart>& sums) {
+      for (const CostPart& part : sums) {
+        rows.parts += fmt::format("{},{},{},{}", same ? "same" : "other", index, kind, part.frame);
+        for (const double g : part.gradient) rows.parts += fmt::format(",{:.9g}", g);
+        for (const double h : part.hessian.reshaped()) rows.parts += fmt::format(",{:.9g}", h);
+        rows.parts += '\n';
+      }
+    };
+    add_parts("frame", frames_of(parts));
+    add_parts("patch", patches_of(parts));
     for (int i = 0; i < problem.dimension(); ++i) {
       const ParameterInterval& p = uncertainty.parameters[static_cast<std::size_t>(i)];
       const double value = truth.value(p.name);
-      rows.coverage += fmt::format("{},{},{},{:.6f},{:.6f},{:.6g},{},{},{},{:.3g},{:.3g},{:.4g}\n",
-                                   same ? "same" : "other", index, p.name, true_scaled[i], fit.x[i],
-                                   p.half_width, int(p.determined), int(p.at_lower || p.at_upper),
-                                   int(value >= p.lower && value <= p.upper), uncertainty.condition,
-                                   uncertainty.dispersion, gain);
+      rows.coverage +=
+          fmt::format("{},{},{},{:.6f},{:.6f},{:.6g},{},{},{},{:.3g},{:.3g},{:.4g},{:.4g}\n",
+                      same ? "same" : "other", index, p.name, true_scaled[i], fit.x[i],
+                      p.half_width, int(p.determined), int(p.at_lower || p.at_upper),
+                      int(value >= p.lower && value <= p.upper), uncertainty.condition,
+                      uncertainty.dispersion, gain, fit.cost);
     }
     return rows;
   }

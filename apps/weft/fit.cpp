@@ -84,9 +84,9 @@ std::optional<Uncertainty> uncertainty_of(const Problem& problem, const FitResul
   if (trial.options().simulation.integrator == Integrator::runge_kutta) return {};
   LinearizationOptions options;
   options.threads = trial.threads();
-  const ProblemLinearization found = linearize(problem, fit.scaled, options);
-  if (found.parts.size() < 2) return {};
-  return estimate_uncertainty(problem, fit.scaled, found.parts);
+  const std::vector<PatchPart> parts = linearize_patches(problem, fit.scaled, options);
+  if (frames_of(parts).size() < 2) return {};
+  return estimate_uncertainty(problem, fit.scaled, parts);
 }
 
 void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
@@ -280,9 +280,10 @@ void run(const Arguments& arguments) {
   std::vector<ParameterPrior> priors;
   if (!arguments.initial.empty()) priors = find_priors(arguments.initial);
   if (!priors.empty() && arguments.method == "annealing")
-    throw Error(fmt::format("{}: has priors, which --method annealing cannot weigh against the "
-                            "data; use --method auto",
-                            arguments.initial));
+    throw Error(
+        fmt::format("{}: has priors, which --method annealing cannot weigh against the "
+                    "data; use --method auto",
+                    arguments.initial));
   check_parameters("--parameters", initial.model, arguments.parameters);
   check_parameters("--coarse", initial.model, arguments.coarse);
   prepare_folder(arguments, out);

@@ -54,10 +54,12 @@ Estimate read_estimate(const std::filesystem::path& folder) {
   e.report = read_result(file);
   e.fabric = read_fabric(folder / "fabric.toml");
   if (!e.report.certainty)
-    throw Error(fmt::format("{}: certainty: is missing; a fit that ended writes it", file.string()));
+    throw Error(
+        fmt::format("{}: certainty: is missing; a fit that ended writes it", file.string()));
   const ReportCertainty& certainty = *e.report.certainty;
   if (!(certainty.dispersion > 0) || !std::isfinite(certainty.dispersion))
-    throw Error(fmt::format("{}: certainty.dispersion: the noise level is not known", file.string()));
+    throw Error(
+        fmt::format("{}: certainty.dispersion: the noise level is not known", file.string()));
   e.names = certainty.parameters;
   e.scaled.resize(static_cast<Eigen::Index>(e.names.size()));
   for (std::size_t i = 0; i < e.names.size(); ++i) {
@@ -113,9 +115,10 @@ class TrueCost {
     problem_.emplace(trials, e.fabric, e.names);
     store_.emplace(folder / "evaluations.sqlite");
     if (store_->count() > 0 && store_->count(*problem_) == 0)
-      throw Error(fmt::format("{}: its evaluations are of other options of simulating and comparing; "
-                              "give those of the fit (--grid, ...)",
-                              folder.string()));
+      throw Error(
+          fmt::format("{}: its evaluations are of other options of simulating and comparing; "
+                      "give those of the fit (--grid, ...)",
+                      folder.string()));
   }
   double cost(const VecX& x) {
     const StoredEvaluation found =
@@ -192,7 +195,8 @@ void run(const Arguments& arguments) {
   const InterruptGuard guard;
   const std::filesystem::path folder = arguments.fit;
   const Estimate e = read_estimate(folder);
-  const std::filesystem::path out = arguments.out.empty() ? folder : arguments.out;
+  const std::filesystem::path out =
+      arguments.out.empty() ? folder : std::filesystem::path(arguments.out);
   prepare_output_folder(out, {"posterior.json"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
   std::optional<TrueCost> simulated;
@@ -203,9 +207,8 @@ void run(const Arguments& arguments) {
     return std::isfinite(cost) ? -cost - prior_cost(e, x) : -kInfinity;
   };
   const auto n = e.scaled.size();
-  const SamplingResult found =
-      sample_ensemble(density, e.scaled, VecX::Zero(n), VecX::Ones(n), arguments.sampling,
-                      progress_observer("steps"));
+  const SamplingResult found = sample_ensemble(density, e.scaled, VecX::Zero(n), VecX::Ones(n),
+                                               arguments.sampling, progress_observer("steps"));
   const nlohmann::ordered_json json = json_of(e, found, arguments);
   write_samples(out / "posterior.csv", e, found.samples);
   write_picture(out / "posterior.svg", e, found.samples);
@@ -233,12 +236,13 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_posterior(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "posterior", "the distribution of the parameters after a fit, by sampling");
+  auto* command = app.add_subcommand("posterior",
+                                     "the distribution of the parameters after a fit, by sampling");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("fit", arguments->fit, "folder of a fit")->required();
-  command->add_option("--out", arguments->out,
-                      "folder for posterior.csv, posterior.json, posterior.svg (default: the fit's)");
+  command->add_option(
+      "--out", arguments->out,
+      "folder for posterior.csv, posterior.json, posterior.svg (default: the fit's)");
   command->add_option("--steps", arguments->sampling.steps, "of each walker that are kept")
       ->check(CLI::Range(10, 10000000))
       ->capture_default_str();

@@ -57,7 +57,8 @@ Known read_known(const std::string& name) {
   const std::filesystem::path file = folder / "result.json";
   const Report report = read_result(file);
   if (!report.certainty)
-    throw Error(fmt::format("{}: certainty: is missing; a fit that ended writes it", file.string()));
+    throw Error(
+        fmt::format("{}: certainty: is missing; a fit that ended writes it", file.string()));
   const ReportCertainty& certainty = *report.certainty;
   const auto n = known.fabric.values.size();
   known.information = MatX::Zero(n, n);
@@ -68,8 +69,7 @@ Known read_known(const std::string& name) {
   // The information of a fit is the sum of its frames' matrices over the noise of a cluster, that
   // of a sample the mean.
   known.frames_per_sample = certainty.frames_per_cluster;
-  if (std::isfinite(certainty.noise))
-    known.noise = certainty.noise / certainty.frames_per_cluster;
+  if (std::isfinite(certainty.noise)) known.noise = certainty.noise / certainty.frames_per_cluster;
   for (const ReportParameter& p : report.parameters)
     if (p.prior_median && p.prior_factor)
       known.priors.push_back({p.name, *p.prior_median, *p.prior_factor});
@@ -169,9 +169,9 @@ void run(Arguments& arguments) {
     arguments.family.axes.push_back(axis == "along" ? CandidateExperiment::Axis::along
                                     : axis == "up"  ? CandidateExperiment::Axis::up
                                                     : CandidateExperiment::Axis::across);
-  const std::vector<CandidateExperiment> candidates =
-      arguments.candidates.empty() ? make_candidates(arguments.family)
-                                   : read_candidates(arguments.candidates);
+  const std::vector<CandidateExperiment> candidates = arguments.candidates.empty()
+                                                          ? make_candidates(arguments.family)
+                                                          : read_candidates(arguments.candidates);
   if (!arguments.out.empty()) prepare_output_folder(arguments.out, {}, Existing::overwrite);
   SuggestOptions options;
   options.trial.columns = options.trial.rows = arguments.grid;
@@ -180,8 +180,8 @@ void run(Arguments& arguments) {
   options.noise = arguments.noise > 0 ? arguments.noise : known.noise;
   options.frames_per_sample = known.frames_per_sample;
   options.threads = arguments.threads;
-  const std::vector<Suggestion> suggestions = suggest_experiments(
-      rig, known.fabric, candidates, options, progress_observer("experiments"));
+  const std::vector<Suggestion> suggestions =
+      suggest_experiments(rig, known.fabric, candidates, options, progress_observer("experiments"));
   const std::string json = json_of(suggestions, arguments).dump(1) + "\n";
   if (arguments.json)
     fmt::print("{}", json);
@@ -197,7 +197,8 @@ void run(Arguments& arguments) {
 
 void add_suggest(CLI::App& app) {
   auto* command = app.add_subcommand(
-      "suggest", "which experiment next: ranked by how much it is expected to shrink the intervals");
+      "suggest",
+      "which experiment next: ranked by how much it is expected to shrink the intervals");
   auto arguments = std::make_shared<Arguments>();
   arguments->family.axes.clear();
   command
@@ -210,34 +211,39 @@ void add_suggest(CLI::App& app) {
   command->add_option("--like", arguments->like,
                       "capture with the rig, swatch and two clips to use (default: a rig of its "
                       "own)");
-  command->add_option("--areal-density", arguments->areal_density,
-                      "kg/m^2, without --like, of a fabric whose file does not say it")
+  command
+      ->add_option("--areal-density", arguments->areal_density,
+                   "kg/m^2, without --like, of a fabric whose file does not say it")
       ->check(number_in(1e-3, 10))
       ->capture_default_str();
   command->add_option("--candidates", arguments->candidates,
                       "file of experiments (docs/formats.md); otherwise all combinations of:");
-  command->add_option("--separations", arguments->family.separations,
-                      "of the clips, of their distance on the swatch")
+  command
+      ->add_option("--separations", arguments->family.separations,
+                   "of the clips, of their distance on the swatch")
       ->check(number_in(0.1, 1))
       ->capture_default_str();
-  command->add_option("--amplitudes", arguments->family.amplitudes,
-                      "m, of the second clip; 0: hanging still")
+  command
+      ->add_option("--amplitudes", arguments->family.amplitudes,
+                   "m, of the second clip; 0: hanging still")
       ->check(number_in(0, 1))
       ->capture_default_str();
   command->add_option("--frequencies", arguments->family.frequencies, "Hz")
       ->check(number_in(0.01, 20))
       ->capture_default_str();
-  command->add_option("--axes", arguments->axes,
-                      "across (the line of the clips, horizontal), along, up")
+  command
+      ->add_option("--axes", arguments->axes,
+                   "across (the line of the clips, horizontal), along, up")
       ->check(CLI::IsMember({"across", "along", "up"}))
       ->capture_default_str();
   command->add_option("--frames", arguments->family.frames, "length of each")
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();
-  command->add_option("--noise", arguments->noise,
-                      "rad^2, of a frame: twice the variance of a pixel's residual times the pixels "
-                      "that count as one (default: the fit's, or residuals of 0.1 rad in patches a "
-                      "sixteenth of the image wide)")
+  command
+      ->add_option("--noise", arguments->noise,
+                   "rad^2, of a frame: twice the variance of a pixel's residual times the pixels "
+                   "that count as one (default: the fit's, or residuals of 0.1 rad in patches a "
+                   "sixteenth of the image wide)")
       ->check(number_in(1e-12, 1e12));
   command->add_option("--grid", arguments->grid, "vertices along each side of the swatch")
       ->check(CLI::Range(3, 401))

@@ -287,7 +287,8 @@ TEST_F(BadInput, Suggest) {
   EXPECT_THAT(refusal({"suggest", "satin", "--axes", "left"}), HasSubstr("--axes"));
   EXPECT_THAT(refusal({"suggest", "satin", "--separations", "1", "--amplitudes", "0.5"}),
               HasSubstr("less separation or amplitude"));
-  write("tests.toml", "format = \"weft-experiments\"\nversion = 1\n[[experiment]]\nseparation = 0\n");
+  write("tests.toml",
+        "format = \"weft-experiments\"\nversion = 1\n[[experiment]]\nseparation = 0\n");
   EXPECT_THAT(refusal({"suggest", "satin", "--candidates", path("tests.toml")}),
               AllOf(HasSubstr("tests.toml:4"), HasSubstr("separation")));
   EXPECT_THAT(refusal({"suggest", "satin", "--candidates", path("tests.toml"), "--frames", "9"}),

@@ -165,10 +165,26 @@ TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
   EXPECT_THAT(text_of(folder_ / "out/posterior.csv"), StartsWith("stretch_stiffness,"));
   EXPECT_THAT(text_of(folder_ / "out/posterior.svg"), HasSubstr("Posterior of"));
   EXPECT_EQ(weft({"posterior", path("out")}).status, 2) << "an earlier result was replaced";
-  const Outcome suggest =
-      weft({"suggest", path("out"), "--like", path("c"), "--grid", "9", "--separations", "0.8",
-            "--amplitudes", "0", "0.05", "--frequencies", "3", "--frames", "3", "--parameters",
-            "bend_stiffness", "--json", "--out", path("next")});
+  const Outcome suggest = weft({"suggest",
+                                path("out"),
+                                "--like",
+                                path("c"),
+                                "--grid",
+                                "9",
+                                "--separations",
+                                "0.8",
+                                "--amplitudes",
+                                "0",
+                                "0.05",
+                                "--frequencies",
+                                "3",
+                                "--frames",
+                                "3",
+                                "--parameters",
+                                "bend_stiffness",
+                                "--json",
+                                "--out",
+                                path("next")});
   ASSERT_EQ(suggest.status, 0) << suggest.err;
   const json ranked = json::parse(suggest.out);
   ASSERT_EQ(ranked["experiments"].size(), 2u);

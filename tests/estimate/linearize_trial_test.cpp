@@ -10,6 +10,7 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 #include "weft/estimate/least_squares_fit.h"
+#include "weft/estimate/patch_parts.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/estimate/uncertainty.h"
 
@@ -285,6 +286,48 @@ TEST_F(LinearizeTest, AFitRejectsBadOptions) {
   const Problem other({trial_}, true_fabric(), {"bend_stiffness"},
                       [](const Fabric&, int) { return ProblemEvaluation{}; });
   EXPECT_THROW(run_least_squares_fit(other, small_fit()), Error);
+}
+
+TEST_F(LinearizeTest, PatchesAddUpToTheirFrame) {
+  const ProblemLinearization whole = linearize(problem(), wrong());
+  const std::vector<PatchPart> parts = linearize_patches(problem(), wrong());
+  ASSERT_EQ(parts.size(), 4u * 16u);
+  const std::vector<CostPart> frames = frames_of(parts);
+  ASSERT_EQ(frames.size(), whole.parts.size());
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    EXPECT_EQ(frames[k].frame, whole.parts[k].frame);
+    EXPECT_EQ(frames[k].factor, whole.parts[k].factor);
+    EXPECT_LT((frames[k].gradient - whole.parts[k].gradient).norm(),
+              1e-9 * whole.parts[k].gradient.norm());
+    EXPECT_LT((frames[k].hessian - whole.parts[k].hessian).norm(),
+              1e-9 * whole.parts[k].hessian.norm());
+  }
+  const std::vector<CostPart> patches = patches_of(parts);
+  ASSERT_EQ(patches.size(), 16u);
+  // The cloth hangs in the picture's middle: no patch alone has it all, several have some.
+  int with_cloth = 0;
+  for (const CostPart& patch : patches) {
+    EXPECT_LT(patch.hessian.norm(), 0.9 * whole.model.hessian.norm());
+    with_cloth += patch.hessian.norm() > 0.01 * whole.model.hessian.norm();
+  }
+  EXPECT_GE(with_cloth, 6);
+}
+
+// Past a snap derivatives may overflow: such a frame says nothing, instead of spoiling the others.
+TEST_F(LinearizeTest, DerivativesThatAreNotFiniteCountForNothing) {
+  LinearizationOptions options;
+  options.simulator = [](const Scene& scene, const Fabric& fabric,
+                         const std::vector<int>& parameters, const SimulationOptions& how) {
+    TrajectoryWithSensitivities motion =
+        simulate_with_sensitivities(scene, fabric, parameters, how);
+    motion.sensitivities.x.back().setConstant(std::numeric_limits<double>::infinity());
+    return motion;
+  };
+  const ProblemLinearization found = linearize(problem(), wrong(), options);
+  const ProblemLinearization exact = linearize(problem(), wrong());
+  EXPECT_EQ(found.parts.back().hessian.norm(), 0);
+  EXPECT_EQ(found.parts.front().hessian, exact.parts.front().hessian);
+  EXPECT_EQ(found.model.cost, exact.model.cost);
 }
 
 LeastSquaresFitOptions fit_from_here() {

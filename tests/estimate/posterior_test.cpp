@@ -34,8 +34,8 @@ TEST(SampleEnsemble, GaussianHasItsMeanAndCovariance) {
   };
   SamplingOptions options;
   options.steps = 4000;
-  const SamplingResult found = sample_ensemble(density, Vec3(0.5, 0.5, 0.5), Vec3::Constant(-9),
-                                               Vec3::Constant(9), options);
+  const SamplingResult found =
+      sample_ensemble(density, Vec3(0.5, 0.5, 0.5), Vec3::Constant(-9), Vec3::Constant(9), options);
   EXPECT_GT(found.acceptance, 0.2);
   const VecX average = found.samples.rowwise().mean();
   const MatX centred = found.samples.colwise() - average;

@@ -54,7 +54,8 @@ TEST(Suggest, ClipsAreWhereTheExperimentSays) {
        {std::pair{Axis::across, Vec3(0, 1, 0)}, std::pair{Axis::along, Vec3(1, 0, 0)},
         std::pair{Axis::up, Vec3(0, 0, 1)}}) {
     const Capture made = experiment_capture(rig, {"e", 0.8, axis, 0.03, 2, 40});
-    const Vec3 left = made.fixtures[0].motion.position(1), right = made.fixtures[1].motion.position(0);
+    const Vec3 left = made.fixtures[0].motion.position(1),
+               right = made.fixtures[1].motion.position(0);
     EXPECT_NEAR((right - left).norm(), 0.8 * 0.3, 1e-12);
     EXPECT_LT((0.5 * (left + right) - Vec3(0, 0, 1)).norm(), 1e-9);  // the layout's middle
     EXPECT_EQ(made.fit_last, 39);
@@ -129,8 +130,8 @@ TEST(Suggest, AFileOfCandidatesIsReadStrictly) {
 }
 
 TEST(Suggest, AStillSwatchTellsNothingOfDampingAndDrag) {
-  const std::vector<CandidateExperiment> candidates{
-      {"hang", 0.8, Axis::across, 0, 1, 4}, {"wave", 0.8, Axis::across, 0.05, 3, 6}};
+  const std::vector<CandidateExperiment> candidates{{"hang", 0.8, Axis::across, 0, 1, 4},
+                                                    {"wave", 0.8, Axis::across, 0.05, 3, 6}};
   SuggestOptions options = small_options();
   options.targets = {"drag_quadratic"};
   options.noise = 1;
@@ -161,8 +162,8 @@ TEST(Suggest, InformationGrowsWithSamplesAndFallsWithNoise) {
             1e-3 * found[0].information.norm());
   options.noise = 4;
   const auto noisy = suggest_experiments(small_rig(), fabric(), {candidates[0]}, options);
-  const MatX& plain = found[0].experiment.name == "hang" ? found[0].information
-                                                         : found[1].information;
+  const MatX& plain =
+      found[0].experiment.name == "hang" ? found[0].information : found[1].information;
   EXPECT_LT((4 * noisy[0].information - plain).norm(), 1e-9 * plain.norm());
 
   // What is known well already does not shrink.

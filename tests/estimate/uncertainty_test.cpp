@@ -111,6 +111,77 @@ TEST(Uncertainty, DispersionIsUnbiasedAndDoesNotDependOnWhereItIsTaken) {
   EXPECT_NEAR(mean, phi, 0.06 * phi);
 }
 
+// Errors that stay: each patch of the picture has its own, the same in all frames, and there is
+// hardly any noise. Frames all tell the same and seem sure of it.
+TEST(Uncertainty, ErrorsThatLastThroughAllFramesAreSeenInThePatches) {
+  const Problem problem =
+      analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
+  const int repetitions = 300, frames = 10, patches = 12, rows = 6;
+  const VecX truth = Vec2(0.5, 0.5);
+  Vec2 by_frames = Vec2::Zero(), by_both = Vec2::Zero();
+  for (int repetition = 0; repetition < repetitions; ++repetition) {
+    Rng rng(static_cast<std::uint64_t>(repetition), 9);
+    MatX hessian = MatX::Zero(2, 2);
+    VecX right = VecX::Zero(2);
+    std::vector<PatchPart> parts;
+    std::vector<VecX> rights;
+    const std::vector<double> lasting = [&] {
+      std::vector<double> errors;
+      for (int p = 0; p < patches; ++p) errors.push_back(0.01 * rng.normal());
+      return errors;
+    }();
+    for (int k = 0; k < frames; ++k) {
+      for (int p = 0; p < patches; ++p) {
+        MatX a(rows, 2);
+        VecX error(rows);
+        for (int i = 0; i < rows; ++i) {
+          a.row(i) << 1 + 0.3 * std::cos(p + 0.1 * k), std::sin(0.8 * p + 0.1 * i);
+          error[i] = lasting[static_cast<std::size_t>(p)] + 0.001 * rng.normal();
+        }
+        parts.push_back({{0, k, {}, 2 * a.transpose() * a}, p});
+        rights.push_back(2 * a.transpose() * error);
+        hessian += parts.back().part.hessian;
+        right += rights.back();
+      }
+    }
+    const VecX error = hessian.ldlt().solve(right);
+    for (std::size_t i = 0; i < parts.size(); ++i)
+      parts[i].part.gradient = parts[i].part.hessian * error - rights[i];
+    const VecX scaled = truth + error;
+    const Uncertainty frames_alone = estimate_uncertainty(problem, scaled, frames_of(parts));
+    const Uncertainty both = estimate_uncertainty(problem, scaled, parts);
+    for (int j = 0; j < 2; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      by_frames[j] += std::abs(error[j]) <= frames_alone.parameters[at].half_width;
+      by_both[j] += std::abs(error[j]) <= both.parameters[at].half_width;
+    }
+    EXPECT_EQ(both.clusters, frames);
+  }
+  for (int j = 0; j < 2; ++j) {
+    EXPECT_LT(by_frames[j], 0.5 * repetitions) << j;
+    EXPECT_GT(by_both[j], 0.85 * repetitions) << j;
+    EXPECT_LT(by_both[j], 0.97 * repetitions) << j;
+  }
+}
+
+// An estimate that a search left beside the minimum has the way to it in its interval.
+TEST(Uncertainty, TheStepThatIsLeftWidensTheInterval) {
+  const Problem problem = analytic_problem({"bend_stiffness"}, [](const VecX&) { return 0.0; });
+  std::vector<PatchPart> parts;
+  Rng rng(11);
+  for (int k = 0; k < 10; ++k)
+    for (int p = 0; p < 4; ++p)
+      parts.push_back({{0, k, VecX::Constant(1, 0.001 * rng.normal()), MatX::Ones(1, 1)}, p});
+  const double before =
+      estimate_uncertainty(problem, VecX::Constant(1, 0.5), parts).covariance(0, 0);
+  double mean = 0;
+  for (const PatchPart& p : parts) mean += p.part.gradient[0] / double(parts.size());
+  for (PatchPart& p : parts) p.part.gradient[0] += 0.1 - mean;
+  const double after =
+      estimate_uncertainty(problem, VecX::Constant(1, 0.5), parts).covariance(0, 0);
+  EXPECT_NEAR(after - (before - mean * mean), 0.01, 1e-9);
+}
+
 // Few clusters, of which half say nothing of the second parameter.
 TEST(Uncertainty, IntervalsCoverTheTruthWithFewUnequalClusters) {
   const int repetitions = 400, clusters = 12;
@@ -190,7 +261,8 @@ TEST(Uncertainty, DirectionsWithoutDataHaveInfiniteIntervals) {
                                            [](const VecX&) { return 0.0; });
   // Measured: the sum of the first two, and the third.
   const auto parts = random_parts(20, {Vec3(1, 1, 0), Vec3(0, 0, 1)});
-  const Uncertainty u = estimate_uncertainty(problem, VecX::Constant(3, 0.5), parts, single_frames());
+  const Uncertainty u =
+      estimate_uncertainty(problem, VecX::Constant(3, 0.5), parts, single_frames());
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_FALSE(u.parameters[i].determined);
     EXPECT_EQ(u.parameters[i].lower, 0);

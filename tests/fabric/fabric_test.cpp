@@ -185,7 +185,8 @@ TEST(FabricFile, PriorsAreReadAndChecked) {
   const test::TemporaryFolder folder;
   const auto path = folder.path() / "fabric.toml";
   const auto with_prior = [](const std::string& prior) {
-    return edited("unit = \"N/m\", lower = 5,", "unit = \"N/m\", prior = " + prior + ", lower = 5,");
+    return edited("unit = \"N/m\", lower = 5,",
+                  "unit = \"N/m\", prior = " + prior + ", lower = 5,");
   };
   std::ofstream(path) << with_prior("{ median = 2000, factor = 1.5 }");
   EXPECT_EQ(read_fabric(path).values, find_fabric("linen-waving").values);

@@ -20,9 +20,10 @@ std::size_t count(const std::string& text, const std::string& word) {
 MarginalsPlot sample() {
   MarginalsPlot plot;
   plot.title = "Posterior <of> a & b";
-  MarginalsPlot::Parameter a{"bend_stiffness", "N m", {}, ReportParameter::Scale::logarithmic, 1e-5};
-  MarginalsPlot::Parameter b{"drag_linear", "N s/m^3", {},
-                             ReportParameter::Scale::shifted_logarithmic};
+  MarginalsPlot::Parameter a{
+      "bend_stiffness", "N m", {}, ReportParameter::Scale::logarithmic, 1e-5};
+  MarginalsPlot::Parameter b{
+      "drag_linear", "N s/m^3", {}, ReportParameter::Scale::shifted_logarithmic};
   for (int i = 0; i < 1000; ++i) {
     a.values.push_back(1e-5 * std::exp(0.5 * std::sin(i)));
     b.values.push_back(0.001 * i);

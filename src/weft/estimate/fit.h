@@ -66,8 +66,8 @@ struct FitResult {
   ProblemEvaluation start;    ///< where annealing started, all frames
   Fabric start_fabric;
   ProblemEvaluation final;  ///< of the estimate, all frames
-  /// Weight of the priors, in the unit of the error, and what they add to the error at the estimate;
-  /// 0 without priors.
+  /// Weight of the priors, in the unit of the error, and what they add to the error at the
+  /// estimate; 0 without priors.
   double prior_weight = 0, prior_error = 0;
   /// Of the estimate, with the errors of each frame; empty if the problem has its own evaluator.
   std::vector<TrialEvaluation> trials;

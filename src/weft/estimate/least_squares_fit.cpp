@@ -314,8 +314,7 @@ FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
   FitOptions annealing = options.annealing;
   annealing.start = FitOptions::Start::initial;
   annealing.coarse_parameters.clear();
-  const Problem from_there(problem.trials(), descent.fabric, problem.free(), {},
-                           problem.priors());
+  const Problem from_there(problem.trials(), descent.fabric, problem.free(), {}, problem.priors());
   annealing.prior_weight = descent.prior_weight;
   FitResult result = run_fit(from_there, annealing, store, observer);
   result.initial = descent.initial;

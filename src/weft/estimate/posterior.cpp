@@ -15,8 +15,8 @@ namespace weft {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kStretch = 2;          // a of the stretch move
-constexpr double kLargestCost = 20;     // exp(-20) is no density
+constexpr double kStretch = 2;            // a of the stretch move
+constexpr double kLargestCost = 20;       // exp(-20) is no density
 constexpr std::size_t kMostPoints = 400;  // the correction costs their number each time
 constexpr double kLengths[] = {0.05, 0.1, 0.2, 0.4};
 constexpr double kNoises[] = {1e-3, 1e-2, 0.1, 1};  // variance, of the process's
@@ -65,8 +65,8 @@ class Ensemble {
 
  private:
   bool move(int k, int partner) {
-    const double root = 1 / std::sqrt(kStretch) +
-                        rng_.uniform() * (std::sqrt(kStretch) - 1 / std::sqrt(kStretch));
+    const double root =
+        1 / std::sqrt(kStretch) + rng_.uniform() * (std::sqrt(kStretch) - 1 / std::sqrt(kStretch));
     const double z = root * root;
     const double threshold = std::log(std::max(rng_.uniform(), 1e-300));
     tried_ = positions_.col(partner) + z * (positions_.col(k) - positions_.col(partner));
@@ -230,8 +230,8 @@ double LikelihoodSurrogate::cost(const VecX& x) const {
     // As at the evaluations: beyond twice the largest cost there is no density either way.
     if (cost > 2 * kLargestCost) cost = 2 * kLargestCost + 0.1 * (cost - 2 * kLargestCost);
     for (Eigen::Index k = 0; k < points_.cols(); ++k)
-      cost += weights_[k] *
-              std::exp(-0.5 * (points_.col(k) - x).squaredNorm() / (length_ * length_));
+      cost +=
+          weights_[k] * std::exp(-0.5 * (points_.col(k) - x).squaredNorm() / (length_ * length_));
   }
   return std::max(cost, least_);
 }

@@ -24,14 +24,15 @@ constexpr int kMostFrames = 10000;
 constexpr double kLargestStretch = 1.1;
 /// 1 / variance of a uniform distribution over a range of length 1.
 constexpr double kRangeInformation = 12;
-constexpr double kDefaultResidual = 0.1;     // rad
-constexpr double kDefaultPatch = 1.0 / 16;   // of the image's width
+constexpr double kDefaultResidual = 0.1;       // rad
+constexpr double kDefaultPatch = 1.0 / 16;     // of the image's width
 constexpr double kManyDegreesOfFreedom = 1e9;  // the normal distribution
 
 constexpr std::string_view kAxisNames[] = {"across", "along", "up"};
 
 std::string words_of(const CandidateExperiment& e) {
-  if (e.amplitude == 0) return fmt::format("still, clips {:g} apart, {} frames", e.separation, e.frames);
+  if (e.amplitude == 0)
+    return fmt::format("still, clips {:g} apart, {} frames", e.separation, e.frames);
   return fmt::format("{} {:g} m at {:g} Hz, clips {:g} apart, {} frames", name_of(e.axis),
                      e.amplitude, e.frequency, e.separation, e.frames);
 }
@@ -59,7 +60,8 @@ Motion oscillation(const Vec3& rest, const Vec3& direction, const CandidateExper
     const double phase = 2 * std::numbers::pi * e.frequency * time;
     const double ramp = std::min(1.0, phase / std::numbers::pi);
     times.push_back(time);
-    positions.col(i) = rest + e.amplitude * ramp * ramp * (3 - 2 * ramp) * std::sin(phase) * direction;
+    positions.col(i) =
+        rest + e.amplitude * ramp * ramp * (3 - 2 * ramp) * std::sin(phase) * direction;
   }
   return Motion(std::move(times), std::move(positions));
 }
@@ -152,7 +154,8 @@ class Suggester {
     for (Eigen::Index i = 0; i < before.size(); ++i) {
       const ParameterInfo info = fabric_.info(static_cast<int>(i));
       const double value = fabric_.values[i], scaled = to_scaled(info, value);
-      ExpectedInterval p{std::string(info.name), std::string(info.unit), value, before[i], after[i]};
+      ExpectedInterval p{std::string(info.name), std::string(info.unit), value, before[i],
+                         after[i]};
       p.lower = std::max(0.0, from_scaled(info, scaled - after[i]));
       p.upper = from_scaled(info, scaled + after[i]);
       result.parameters.push_back(p);
@@ -223,7 +226,8 @@ Capture experiment_capture(const Capture& like, const CandidateExperiment& exper
   if (like.fixtures.size() != 2)
     throw Error(fmt::format("{}: has {} fixtures; experiments are made with two clips", like.name,
                             like.fixtures.size()));
-  const Vec3 left = like.fixtures[0].motion.position(0), right = like.fixtures[1].motion.position(0);
+  const Vec3 left = like.fixtures[0].motion.position(0),
+             right = like.fixtures[1].motion.position(0);
   const Vec3 line = (right - left).normalized(), middle = 0.5 * (left + right);
   const double length = (like.fixtures[1].at - like.fixtures[0].at).norm();
   const double apart = experiment.separation * length;
@@ -242,9 +246,9 @@ Capture experiment_capture(const Capture& like, const CandidateExperiment& exper
   capture.truth.reset();
   capture.video.clear();
   capture.fixtures[0].motion = Motion::fixed(middle - 0.5 * apart * line);
-  capture.fixtures[1].motion = oscillation(middle + 0.5 * apart * line,
-                                           unit_axis(experiment.axis, line, like.gravity),
-                                           experiment, like.frame_rate);
+  capture.fixtures[1].motion =
+      oscillation(middle + 0.5 * apart * line, unit_axis(experiment.axis, line, like.gravity),
+                  experiment, like.frame_rate);
   return capture;
 }
 
@@ -259,8 +263,9 @@ std::vector<Suggestion> suggest_experiments(const Capture& like, const Fabric& f
     suggestions.push_back(suggester.suggest(candidate));
     if (observer && !observer(suggestions.size(), candidates.size())) break;
   }
-  std::stable_sort(suggestions.begin(), suggestions.end(),
-                   [](const Suggestion& a, const Suggestion& b) { return a.remaining < b.remaining; });
+  std::stable_sort(
+      suggestions.begin(), suggestions.end(),
+      [](const Suggestion& a, const Suggestion& b) { return a.remaining < b.remaining; });
   return suggestions;
 }
 

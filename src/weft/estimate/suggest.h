@@ -83,26 +83,26 @@ struct Suggestion {
 /// After each candidate: done, of how many. False stops; the candidates until then are ranked.
 using SuggestObserver = std::function<bool(std::size_t done, std::size_t total)>;
 
-/// Ranks experiments by how much they are expected to shrink the intervals of `fabric`'s parameters,
-/// the best first.
+/// Ranks experiments by how much they are expected to shrink the intervals of `fabric`'s
+/// parameters, the best first.
 ///
 /// Each candidate is simulated with sensitivities at the fabric as known, and its fold and
-/// silhouette residuals are linearized against its own rendered frames: no video is needed. With H_k
-/// the Gauss-Newton matrix of frame k (the sum over its pixels of 2 dr dr^T), the Fisher information
-/// is
+/// silhouette residuals are linearized against its own rendered frames: no video is needed. With
+/// H_k the Gauss-Newton matrix of frame k (the sum over its pixels of 2 dr dr^T), the Fisher
+/// information is
 ///
 ///     I = sum over samples of (mean of H_k over the sample's frames) / noise.
 ///
 /// Pixels are not independent, nor are frames: the filters blur, and what the model lacks covers a
-/// fold and lasts. `noise` holds the patch of pixels that count as one, and a sample the frames that
-/// do. A noise level that is wrong by a factor changes all expected widths by its root, but not
-/// their order, unless `known` is large beside the experiments.
+/// fold and lasts. `noise` holds the patch of pixels that count as one, and a sample the frames
+/// that do. A noise level that is wrong by a factor changes all expected widths by its root, but
+/// not their order, unless `known` is large beside the experiments.
 ///
 /// To I and `known` comes what the range of the search says: that of a uniform distribution over
 /// it, 12 on the diagonal. It keeps the intervals of what no experiment determines finite, at 0.45
 /// of the range. The half width is the quantile of the normal distribution times the root of the
-/// diagonal of the inverse. All is to first order about `fabric`: how far off the fabric may be, and
-/// whether a fit would find it, is not in it.
+/// diagonal of the inverse. All is to first order about `fabric`: how far off the fabric may be,
+/// and whether a fit would find it, is not in it.
 std::vector<Suggestion> suggest_experiments(const Capture& like, const Fabric& fabric,
                                             const std::vector<CandidateExperiment>& candidates,
                                             const SuggestOptions& options,

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
@@ -48,6 +49,8 @@ CostPart sum_of(const std::vector<CostPart>& clusters) {
     sum.gradient += cluster.gradient;
     sum.hessian += cluster.hessian;
   }
+  if (!sum.hessian.allFinite() || !sum.gradient.allFinite())
+    throw Error("uncertainty: a derivative is not finite");
   return sum;
 }
 
@@ -183,16 +186,22 @@ namespace {
 
 class UncertaintyOfEstimate {
  public:
+  /// `patches` may be empty.
   UncertaintyOfEstimate(const Problem& problem, const VecX& scaled,
-                        const std::vector<CostPart>& parts, const UncertaintyOptions& options)
-      : problem_(problem), scaled_(scaled), options_(options) {
+                        const std::vector<CostPart>& parts, std::vector<CostPart> patches,
+                        const UncertaintyOptions& options)
+      : problem_(problem), scaled_(scaled), options_(options), patches_(std::move(patches)) {
     if (!(options.confidence > 0 && options.confidence < 1))
       throw Error(fmt::format("confidence is {:g}, must be in (0, 1)", options.confidence));
     if (options.frames_per_cluster < 0) throw Error("frames per cluster must not be negative");
     result_.frames_per_cluster =
         options.frames_per_cluster > 0 ? options.frames_per_cluster : frames_per_cluster(parts);
     clusters_ = join_frames(parts, result_.frames_per_cluster);
+    // A patch without cloth is no cluster.
+    std::erase_if(patches_, [](const CostPart& patch) { return patch.hessian.isZero(0); });
+    if (patches_.size() < 2) patches_.clear();
     result_.dispersion = cluster_dispersion(clusters_);
+    if (!patches_.empty()) result_.dispersion += cluster_dispersion(patches_);
     result_.confidence = options.confidence;
   }
 
@@ -266,8 +275,38 @@ class UncertaintyOfEstimate {
     return undetermined.cols() > 0 && undetermined.row(row).norm() > 1e-4;
   }
 
+  /// Over the frames, and over the patches where there are some.
+  ClusterCovariance covariance(const std::vector<Eigen::Index>& indices) const {
+    ClusterCovariance found = cluster_covariance(select(clusters_, indices), prior(indices));
+    if (patches_.empty()) return found;
+    // The prior's own part once only.
+    PriorTerm term = prior(indices);
+    term.gradient_covariance *= 0;
+    const ClusterCovariance across = cluster_covariance(select(patches_, indices), term);
+    const VecX left = step_left(indices, found.undetermined);
+    found.covariance += across.covariance + left * left.transpose();
+    found.clusters = std::min(found.clusters, across.clusters);
+    if (across.undetermined.cols() > found.undetermined.cols())
+      found.undetermined = across.undetermined;
+    return found;
+  }
+
+  /// From the estimate to the minimum of the linearization, in the determined directions.
+  VecX step_left(const std::vector<Eigen::Index>& indices, const MatX& undetermined) const {
+    CostPart sum = sum_of(select(clusters_, indices));
+    if (const PriorTerm term = prior(indices); term.gradient.size() > 0) {
+      sum.gradient += term.gradient;
+      sum.hessian += term.hessian;
+    }
+    const MatX lost = undetermined * undetermined.transpose();
+    const MatX kept = MatX::Identity(lost.rows(), lost.cols()) - lost;
+    // The undetermined directions are eigenvectors: with a stiffness of their own they stay apart.
+    const MatX regular = kept * sum.hessian * kept + sum.hessian.diagonal().maxCoeff() * lost;
+    return -(regular.ldlt().solve(kept * sum.gradient));
+  }
+
   void fill(const std::vector<Eigen::Index>& indices) {
-    const ClusterCovariance found = cluster_covariance(select(clusters_, indices), prior(indices));
+    const ClusterCovariance found = covariance(indices);
     result_.condition = found.condition;
     result_.clusters = found.clusters;
     for (std::size_t a = 0; a < indices.size(); ++a) {
@@ -290,7 +329,7 @@ class UncertaintyOfEstimate {
   void fill_held(Eigen::Index i) {
     std::vector<Eigen::Index> indices = free_;
     indices.push_back(i);
-    const ClusterCovariance found = cluster_covariance(select(clusters_, indices), prior(indices));
+    const ClusterCovariance found = covariance(indices);
     const auto row = static_cast<Eigen::Index>(free_.size());
     const bool lost = touched(found.undetermined, row);
     if (free_.empty()) {
@@ -340,7 +379,7 @@ class UncertaintyOfEstimate {
   const Problem& problem_;
   const VecX& scaled_;
   const UncertaintyOptions& options_;
-  std::vector<CostPart> clusters_;
+  std::vector<CostPart> clusters_, patches_;
   std::vector<Eigen::Index> free_, held_;
   Uncertainty result_;
 };
@@ -352,7 +391,15 @@ Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
                                  const UncertaintyOptions& options) {
   if (scaled.size() != problem.dimension())
     throw Error("uncertainty: the estimate and the problem differ in size");
-  return UncertaintyOfEstimate(problem, scaled, parts, options).run();
+  return UncertaintyOfEstimate(problem, scaled, parts, {}, options).run();
+}
+
+Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
+                                 const std::vector<PatchPart>& parts,
+                                 const UncertaintyOptions& options) {
+  if (scaled.size() != problem.dimension())
+    throw Error("uncertainty: the estimate and the problem differ in size");
+  return UncertaintyOfEstimate(problem, scaled, frames_of(parts), patches_of(parts), options).run();
 }
 
 }  // namespace weft

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/patch_parts.h"
 
 namespace weft {
 
@@ -27,8 +28,8 @@ struct ClusterCovariance {
   double condition = 0;  ///< of H; infinity where singular
   int clusters = 0;
 };
-/// What is known besides the clusters and never left out: gradient and matrix add to theirs, and the
-/// gradient's own covariance adds H^-1 (that) H^-1 to the result. Empty: nothing.
+/// What is known besides the clusters and never left out: gradient and matrix add to theirs, and
+/// the gradient's own covariance adds H^-1 (that) H^-1 to the result. Empty: nothing.
 struct PriorTerm {
   VecX gradient;
   MatX hessian, gradient_covariance;
@@ -97,6 +98,27 @@ struct Uncertainty {
 /// from the bound inwards by what it would be if they were free.
 Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
                                  const std::vector<CostPart>& parts,
+                                 const UncertaintyOptions& options = {});
+
+/// The same from parts that are split among patches of the picture, with the covariance
+///
+///     C = (jackknife over blocks of frames) + (jackknife over patches, all frames of each) + d
+///     d^T.
+///
+/// Leaving out frames does not see what is wrong in all of them alike: the outline that the camera
+/// sees a little inside of the true one, the mesh, a term that the model lacks. Those errors do
+/// differ from place to place in the picture, over a fold's width; leaving out each place in turn
+/// shows them. Clusters in two ways (Cameron, Gelbach and Miller 2011), without their third term,
+/// the cells' own scatter that the sum counts twice: it could make C indefinite, and it is small
+/// where errors last in time or reach across the picture. What is wrong everywhere alike is still
+/// not seen.
+///
+/// d = -H^-1 g is the way from the estimate to the minimum that the linearization has: where the
+/// error is rough a search ends in a dent beside it, and which of the two is nearer to the truth is
+/// not known. The quantile is that of the smaller number of clusters, the dispersion the sum of
+/// both.
+Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
+                                 const std::vector<PatchPart>& parts,
                                  const UncertaintyOptions& options = {});
 
 /// Quantile of Student's t distribution, 0 < p < 1, degrees of freedom >= 1; relative error below

@@ -18,7 +18,7 @@ constexpr const char* kFormat = "weft-fabric";
 constexpr int kVersion = 1;
 constexpr Range kArealDensity{1e-3, 100};  // kg/m^2
 constexpr Range kPriorFactor{1.001, 1e6};
-constexpr double kHuge = 1e12;             // of any unit: catches typing errors only
+constexpr double kHuge = 1e12;  // of any unit: catches typing errors only
 
 /// `text` as a basic string of TOML, with its quotes.
 std::string toml_string(std::string_view text) {

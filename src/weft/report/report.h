@@ -40,11 +40,11 @@ struct ReportParameter {
 /// How sure the estimate is as a whole; intervals stand with their parameters. Matrices have a row
 /// for each name in `parameters`, in search coordinates scaled to the ranges.
 struct ReportCertainty {
-  double confidence = 0.9;              ///< of the intervals
-  int clusters = 0;                     ///< blocks of frames that were left out in turn
-  double condition = 0;                 ///< of the problem; infinity: singular
-  double noise = 0;                     ///< Uncertainty::noise, rad^2
-  double dispersion = 0;                ///< Uncertainty::dispersion, in the unit of the error
+  double confidence = 0.9;  ///< of the intervals
+  int clusters = 0;  ///< left out in turn: of blocks of frames, of parts of the picture, the fewer
+  double condition = 0;   ///< of the problem; infinity: singular
+  double noise = 0;       ///< Uncertainty::noise, rad^2
+  double dispersion = 0;  ///< Uncertainty::dispersion, in the unit of the error
   int frames_per_cluster = 1;
   std::vector<std::string> parameters;  ///< the free ones
   MatX correlation;                     ///< NaN where a parameter is not determined or held
@@ -163,8 +163,8 @@ std::optional<ReportMeans> report_means(const ReportCapture& capture, bool valid
 
 /// What a reader must know before the numbers, most serious first, one sentence or two each:
 /// stopped early, errors that did not fall, parameters that the data do not determine, parameters
-/// at a bound, a condition number above largest_condition, simulations that diverged, guessed starts, validation frames that fit much worse;
-/// then `remarks`.
+/// at a bound, a condition number above largest_condition, simulations that diverged, guessed
+/// starts, validation frames that fit much worse; then `remarks`.
 std::vector<std::string> report_warnings(const Report& report);
 
 }  // namespace weft
