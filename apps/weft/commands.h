@@ -17,5 +17,7 @@ void add_variability(CLI::App& app);
 void add_matrix(CLI::App& app);
 void add_fabrics(CLI::App& app);
 void add_synthesize(CLI::App& app);
+void add_suggest(CLI::App& app);
+void add_posterior(CLI::App& app);
 
 }  // namespace weft::app

@@ -30,10 +30,6 @@
 namespace weft::app {
 namespace {
 
-// Frames that follow each other are not independent: what the model lacks lasts for some frames.
-// The jackknife wants several blocks, though.
-constexpr int kMostFramesPerBlock = 5;
-constexpr int kLeastBlocks = 8;
 constexpr double kLargestVariability = 100;  // %: beyond, the data do not determine the parameter
 constexpr int kStoppedEarly = 130;           // as the shell reports a program ended by Ctrl-C
 const std::string kStoreName = "evaluations.sqlite";
@@ -86,23 +82,13 @@ AutoFitOptions auto_options(const Arguments& arguments) {
 }
 
 /// Nothing where there are no derivatives.
-std::optional<ProblemLinearization> linearize_at(const Problem& problem, const FitResult& fit,
-                                                 const TrialArguments& trial) {
+std::vector<PatchPart> linearize_at(const Problem& problem, const FitResult& fit,
+                                    const TrialArguments& trial) {
   if (fit.stopped || !std::isfinite(fit.final.error)) return {};
   if (trial.options().simulation.integrator == Integrator::runge_kutta) return {};
   LinearizationOptions options;
   options.threads = trial.threads();
-  return linearize(problem, fit.scaled, options);
-}
-
-/// Nothing where there are too few frames to tell.
-std::optional<Uncertainty> uncertainty_of(const Problem& problem, const FitResult& fit,
-                                          const ProblemLinearization& found) {
-  UncertaintyOptions how;
-  how.frames_per_cluster =
-      std::clamp(static_cast<int>(found.parts.size()) / kLeastBlocks, 1, kMostFramesPerBlock);
-  if (join_frames(found.parts, how.frames_per_cluster).size() < 2) return {};
-  return estimate_uncertainty(problem, fit.scaled, found.parts, how);
+  return linearize_patches(problem, fit.scaled, options);
 }
 
 void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
@@ -111,6 +97,8 @@ void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
   certainty.clusters = uncertainty.clusters;
   certainty.condition = uncertainty.condition;
   certainty.noise = uncertainty.noise;
+  certainty.dispersion = uncertainty.dispersion;
+  certainty.frames_per_cluster = uncertainty.frames_per_cluster;
   for (const ParameterInterval& p : uncertainty.parameters) certainty.parameters.push_back(p.name);
   certainty.correlation = uncertainty.correlation;
   certainty.covariance = uncertainty.covariance;
@@ -127,7 +115,12 @@ void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
   }
 }
 
-void add_variability(const Problem& problem, const VecX& percent, Report& report) {
+/// From the derivatives at the estimate.
+void add_variability(const Problem& problem, const FitResult& fit,
+                     const std::vector<CostPart>& frames, Report& report) {
+  MatX hessian = frames.front().hessian;
+  for (std::size_t k = 1; k < frames.size(); ++k) hessian += frames[k].hessian;
+  const VecX percent = variability_from_derivatives(problem, fit.scaled, fit.final.error, hessian);
   for (ReportParameter& p : report.parameters) {
     const int i = problem.index_of(p.name);
     if (i < 0) continue;
@@ -232,6 +225,9 @@ void print_result(const FitResult& fit, const Report& report,
       "error {:.5g}, at the middle of the ranges {:.5g}; {} evaluations ({} replayed, {} "
       "diverged) in {:.1f} s\n",
       fit.final.error, fit.initial.error, fit.evaluations, fit.replayed, fit.diverged, fit.wall_s);
+  if (report.prior_error)
+    fmt::print("the priors add {:.3g} to the error, with weight {:.3g}\n", *report.prior_error,
+               fit.prior_weight);
   for (std::size_t i = 0; i < evaluations.size(); ++i) {
     const CaptureEvaluation& e = evaluations[i];
     fmt::print("{}: error per frame {:.5g} (fit frames)", report.captures[i].name, e.fit.error);
@@ -297,11 +293,18 @@ void run(const Arguments& arguments) {
   const std::filesystem::path out = arguments.out;
   const std::vector<Capture> captures = read_captures(arguments.captures);
   const Fabric initial = initial_fabric(arguments, captures.front());
+  std::vector<ParameterPrior> priors;
+  if (!arguments.initial.empty()) priors = find_priors(arguments.initial);
+  if (!priors.empty() && arguments.method == "annealing")
+    throw Error(
+        fmt::format("{}: has priors, which --method annealing cannot weigh against the "
+                    "data; use --method auto",
+                    arguments.initial));
   check_parameters("--parameters", initial.model, arguments.parameters);
   check_parameters("--coarse", initial.model, arguments.coarse);
   prepare_folder(arguments, out);
   const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
-  const Problem problem(trials, initial, free_parameters(arguments, initial.model));
+  const Problem problem(trials, initial, free_parameters(arguments, initial.model), {}, priors);
   EvaluationStore store = open_store(out, problem);
   PhaseProgress progress;
   const FitObserver observer = [&](const FitProgress& p) { return progress(p); };
@@ -322,12 +325,11 @@ void run(const Arguments& arguments) {
     pictures.push_back(pictures_of(*all, trajectory));
   }
   Report report = report_of_fit(problem, fit, evaluations);
-  if (const auto found = linearize_at(problem, fit, arguments.trial)) {
-    if (const auto uncertainty = uncertainty_of(problem, fit, *found))
-      add_uncertainty(*uncertainty, report);
-    if (!arguments.no_variability && fit.variability.empty())
-      add_variability(problem, variability_from_derivatives(problem, fit.scaled, *found), report);
-  }
+  const std::vector<PatchPart> parts = linearize_at(problem, fit, arguments.trial);
+  const std::vector<CostPart> frames = frames_of(parts);
+  if (frames.size() >= 2) add_uncertainty(estimate_uncertainty(problem, fit.scaled, parts), report);
+  if (!frames.empty() && !arguments.no_variability && fit.variability.empty())
+    add_variability(problem, fit, frames, report);
   std::vector<std::string> names;
   for (const Capture& capture : captures) names.push_back(capture.name);
   report.title = fmt::format("Fit of {}", fmt::join(names, ", "));

@@ -116,6 +116,7 @@ Report report_of_fit(const Problem& problem, const FitResult& fit,
   report.remarks = fit.remarks;
   report.error_initial = fit.initial.error;
   report.error = fit.final.error;
+  if (!problem.priors().empty()) report.prior_error = fit.prior_error;
   report.error_meaning = "per frame and masked pixel, mean over captures";
   report.evaluations = fit.evaluations;
   report.diverged = fit.diverged;
@@ -125,6 +126,11 @@ Report report_of_fit(const Problem& problem, const FitResult& fit,
     ReportParameter p = report_parameter(info, fit.fabric, curve_of(fit, info.name));
     p.initial = fit.start_fabric.value(info.name);
     p.free = problem.index_of(info.name) >= 0;
+    for (const ParameterPrior& prior : problem.priors()) {
+      if (prior.parameter != info.name) continue;
+      p.prior_median = prior.median;
+      p.prior_factor = prior.factor;
+    }
     if (!p.free) p.at_bound = ReportParameter::Bound::none;
     report.parameters.push_back(p);
   }

@@ -279,5 +279,40 @@ TEST_F(BadInput, Options) {
               AllOf(HasSubstr("bend_stiffness"), HasSubstr("[1e-07, 0.01]")));
 }
 
+TEST_F(BadInput, Suggest) {
+  EXPECT_THAT(refusal({"suggest", "silk"}), HasSubstr("\"silk\""));
+  EXPECT_THAT(refusal({"suggest", "satin", "--parameters", "bend"}),
+              AllOf(StartsWith("--parameters: "), HasSubstr("\"bend\"")));
+  EXPECT_THAT(refusal({"suggest", "satin", "--separations", "1.5"}), HasSubstr("--separations"));
+  EXPECT_THAT(refusal({"suggest", "satin", "--axes", "left"}), HasSubstr("--axes"));
+  EXPECT_THAT(refusal({"suggest", "satin", "--separations", "1", "--amplitudes", "0.5"}),
+              HasSubstr("less separation or amplitude"));
+  write("tests.toml",
+        "format = \"weft-experiments\"\nversion = 1\n[[experiment]]\nseparation = 0\n");
+  EXPECT_THAT(refusal({"suggest", "satin", "--candidates", path("tests.toml")}),
+              AllOf(HasSubstr("tests.toml:4"), HasSubstr("separation")));
+  EXPECT_THAT(refusal({"suggest", "satin", "--candidates", path("tests.toml"), "--frames", "9"}),
+              StartsWith("--frames: not with --candidates"));
+  std::filesystem::create_directories(folder_ / "empty");
+  EXPECT_THAT(refusal({"suggest", path("empty")}), HasSubstr("fabric.toml"));
+}
+
+TEST_F(BadInput, PosteriorWithoutAFit) {
+  std::filesystem::create_directories(folder_ / "empty");
+  EXPECT_THAT(refusal({"posterior", path("empty")}), HasSubstr("result.json"));
+  EXPECT_THAT(refusal({"posterior", path("empty"), "--steps", "1"}), HasSubstr("--steps"));
+}
+
+TEST_F(BadInput, PriorsNeedLeastSquares) {
+  ASSERT_EQ(weft({"fabrics", "satin", "--out", path("f.toml")}).status, 0);
+  replace("f.toml", "unit = \"N/m\",", "unit = \"N/m\", prior = { median = 30, factor = 2 },");
+  EXPECT_THAT(refusal({"fit", capture(), "--out", path("out"), "--initial", path("f.toml"),
+                       "--method", "annealing"}),
+              AllOf(StartsWith(path("f.toml")), HasSubstr("--method auto")));
+  replace("f.toml", "factor = 2", "factor = 0.5");
+  EXPECT_THAT(refusal({"fit", capture(), "--out", path("out"), "--initial", path("f.toml")}),
+              AllOf(HasSubstr("f.toml:"), HasSubstr("prior.factor")));
+}
+
 }  // namespace
 }  // namespace weft

@@ -153,6 +153,45 @@ TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
   EXPECT_GT(certainty["noise"], 0);
   EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("Correlation of the parameters"));
 
+  // What follows from a fit's folder.
+  const Outcome posterior = weft({"posterior", path("out"), "--steps", "50", "--burn-in", "20"});
+  ASSERT_EQ(posterior.status, 0) << posterior.err;
+  const json quantiles = json::parse(text_of(folder_ / "out/posterior.json"));
+  EXPECT_EQ(quantiles["samples"], 36 * 50);
+  for (const auto& [name, p] : quantiles["parameters"].items()) {
+    EXPECT_LE(p["quantiles"]["0.05"], p["quantiles"]["0.95"]) << name;
+    EXPECT_GE(p["quantiles"]["0.05"], found["parameters"][name]["lower"]) << name;
+  }
+  EXPECT_THAT(text_of(folder_ / "out/posterior.csv"), StartsWith("stretch_stiffness,"));
+  EXPECT_THAT(text_of(folder_ / "out/posterior.svg"), HasSubstr("Posterior of"));
+  EXPECT_EQ(weft({"posterior", path("out")}).status, 2) << "an earlier result was replaced";
+  const Outcome suggest = weft({"suggest",
+                                path("out"),
+                                "--like",
+                                path("c"),
+                                "--grid",
+                                "9",
+                                "--separations",
+                                "0.8",
+                                "--amplitudes",
+                                "0",
+                                "0.05",
+                                "--frequencies",
+                                "3",
+                                "--frames",
+                                "3",
+                                "--parameters",
+                                "bend_stiffness",
+                                "--json",
+                                "--out",
+                                path("next")});
+  ASSERT_EQ(suggest.status, 0) << suggest.err;
+  const json ranked = json::parse(suggest.out);
+  ASSERT_EQ(ranked["experiments"].size(), 2u);
+  EXPECT_LE(ranked["experiments"][0]["remaining"], ranked["experiments"][1]["remaining"]);
+  EXPECT_EQ(ranked, json::parse(text_of(folder_ / "next/suggestions.json")));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "next/suggestions.svg"));
+
   const Outcome mixed = weft({"fit", path("c"), "--out", path("other"), "--coarse", "none"});
   EXPECT_EQ(mixed.status, 2);
   EXPECT_THAT(mixed.err, HasSubstr("--coarse: only with --method annealing"));

@@ -10,6 +10,7 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 #include "weft/estimate/least_squares_fit.h"
+#include "weft/estimate/patch_parts.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/estimate/variability.h"
@@ -168,16 +169,14 @@ TEST_F(LinearizeTest, AParameterThatMovesNothingHasNoDerivative) {
 TEST_F(LinearizeTest, VariabilityFromDerivativesIsThatOfAParabola) {
   // E (1 + 0.01) = E + H t^2 / 2, and bend = lower (upper / lower)^t.
   const Problem p = problem();
-  ProblemLinearization at;
-  at.evaluation.error = 3;
-  at.model.hessian = MatX::Zero(2, 2);
-  at.model.hessian(1, 1) = 600;
-  const VecX percent = variability_from_derivatives(p, wrong(), at);
+  MatX hessian = MatX::Zero(2, 2);
+  hessian(1, 1) = 600;
+  const VecX percent = variability_from_derivatives(p, wrong(), 3, hessian);
   const ParameterInfo& bend = p.info(1);
   EXPECT_NEAR(percent[1], std::sqrt(2 * 0.01 * 3 / 600.0) * 100 * std::log(bend.upper / bend.lower),
               1e-5 * percent[1]);
   EXPECT_TRUE(std::isinf(percent[0]));
-  EXPECT_THROW(variability_from_derivatives(p, wrong(), at, 0), Error);
+  EXPECT_THROW(variability_from_derivatives(p, wrong(), 3, hessian, 0), Error);
 }
 
 TEST_F(LinearizeTest, VariabilityFromDerivativesIsNearThatOfPerturbations) {
@@ -185,7 +184,9 @@ TEST_F(LinearizeTest, VariabilityFromDerivativesIsNearThatOfPerturbations) {
   Fabric fabric = true_fabric();
   fabric.set("bend_stiffness", 2.2e-5);
   const VecX scaled = p.scaled(fabric);
-  const VecX quick = variability_from_derivatives(p, scaled, linearize(p, scaled));
+  const ProblemLinearization found = linearize(p, scaled);
+  const VecX quick =
+      variability_from_derivatives(p, scaled, found.evaluation.error, found.model.hessian);
   const PerturbationCurve bend = variability(p, fabric)[1];
   // The error of four frames of a small image is rough, so a factor is all to ask.
   ASSERT_TRUE(bend.determined);
@@ -314,6 +315,75 @@ TEST_F(LinearizeTest, AFitRejectsBadOptions) {
   const Problem other({trial_}, true_fabric(), {"bend_stiffness"},
                       [](const Fabric&, int) { return ProblemEvaluation{}; });
   EXPECT_THROW(run_least_squares_fit(other, small_fit()), Error);
+}
+
+TEST_F(LinearizeTest, PatchesAddUpToTheirFrame) {
+  const ProblemLinearization whole = linearize(problem(), wrong());
+  const std::vector<PatchPart> parts = linearize_patches(problem(), wrong());
+  ASSERT_EQ(parts.size(), 4u * 16u);
+  const std::vector<CostPart> frames = frames_of(parts);
+  ASSERT_EQ(frames.size(), whole.parts.size());
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    EXPECT_EQ(frames[k].frame, whole.parts[k].frame);
+    EXPECT_EQ(frames[k].factor, whole.parts[k].factor);
+    EXPECT_LT((frames[k].gradient - whole.parts[k].gradient).norm(),
+              1e-9 * whole.parts[k].gradient.norm());
+    EXPECT_LT((frames[k].hessian - whole.parts[k].hessian).norm(),
+              1e-9 * whole.parts[k].hessian.norm());
+  }
+  const std::vector<CostPart> patches = patches_of(parts);
+  ASSERT_EQ(patches.size(), 16u);
+  // The cloth hangs in the picture's middle: no patch alone has it all, several have some.
+  int with_cloth = 0;
+  for (const CostPart& patch : patches) {
+    EXPECT_LT(patch.hessian.norm(), 0.9 * whole.model.hessian.norm());
+    with_cloth += patch.hessian.norm() > 0.01 * whole.model.hessian.norm();
+  }
+  EXPECT_GE(with_cloth, 6);
+}
+
+// Past a snap derivatives may overflow: such a frame says nothing, instead of spoiling the others.
+TEST_F(LinearizeTest, DerivativesThatAreNotFiniteCountForNothing) {
+  LinearizationOptions options;
+  options.simulator = [](const Scene& scene, const Fabric& fabric,
+                         const std::vector<int>& parameters, const SimulationOptions& how) {
+    TrajectoryWithSensitivities motion =
+        simulate_with_sensitivities(scene, fabric, parameters, how);
+    motion.sensitivities.x.back().setConstant(std::numeric_limits<double>::infinity());
+    return motion;
+  };
+  const ProblemLinearization found = linearize(problem(), wrong(), options);
+  const ProblemLinearization exact = linearize(problem(), wrong());
+  EXPECT_EQ(found.parts.back().hessian.norm(), 0);
+  EXPECT_EQ(found.parts.front().hessian, exact.parts.front().hessian);
+  EXPECT_EQ(found.model.cost, exact.model.cost);
+}
+
+LeastSquaresFitOptions fit_from_here() {
+  LeastSquaresFitOptions options;
+  options.screening_points = 0;
+  options.stages = {{0, 1, 8, 3, 1, 0}};
+  options.start = FitOptions::Start::initial;
+  return options;
+}
+
+TEST_F(LinearizeTest, APriorWeighsAsItSaysAgainstTheData) {
+  Fabric start = true_fabric();
+  start.set("bend_stiffness", 3e-5);
+  const auto fit = [&](std::vector<ParameterPrior> priors) {
+    return run_least_squares_fit(
+        Problem({trial_}, start, {"bend_stiffness"}, {}, std::move(priors)), fit_from_here());
+  };
+  const FitResult free = fit({}), vague = fit({{"bend_stiffness", 8e-5, 1e5}});
+  const FitResult sure = fit({{"bend_stiffness", 8e-5, 1.001}});
+  EXPECT_EQ(free.prior_error, 0);
+  EXPECT_NEAR(vague.scaled[0], free.scaled[0], 0.005);
+  EXPECT_NEAR(sure.fabric.value("bend_stiffness"), 8e-5, 2e-6);
+  EXPECT_GT(sure.prior_weight, 0);
+  // The error stays that of the data, which the prior has made larger.
+  EXPECT_GT(sure.final.error, free.final.error);
+  const Problem problem({trial_}, start, {"bend_stiffness"});
+  EXPECT_DOUBLE_EQ(sure.final.error, evaluate(problem, sure.fabric).error);
 }
 
 }  // namespace

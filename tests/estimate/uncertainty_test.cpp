@@ -111,6 +111,77 @@ TEST(Uncertainty, DispersionIsUnbiasedAndDoesNotDependOnWhereItIsTaken) {
   EXPECT_NEAR(mean, phi, 0.06 * phi);
 }
 
+// Errors that stay: each patch of the picture has its own, the same in all frames, and there is
+// hardly any noise. Frames all tell the same and seem sure of it.
+TEST(Uncertainty, ErrorsThatLastThroughAllFramesAreSeenInThePatches) {
+  const Problem problem =
+      analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
+  const int repetitions = 300, frames = 10, patches = 12, rows = 6;
+  const VecX truth = Vec2(0.5, 0.5);
+  Vec2 by_frames = Vec2::Zero(), by_both = Vec2::Zero();
+  for (int repetition = 0; repetition < repetitions; ++repetition) {
+    Rng rng(static_cast<std::uint64_t>(repetition), 9);
+    MatX hessian = MatX::Zero(2, 2);
+    VecX right = VecX::Zero(2);
+    std::vector<PatchPart> parts;
+    std::vector<VecX> rights;
+    const std::vector<double> lasting = [&] {
+      std::vector<double> errors;
+      for (int p = 0; p < patches; ++p) errors.push_back(0.01 * rng.normal());
+      return errors;
+    }();
+    for (int k = 0; k < frames; ++k) {
+      for (int p = 0; p < patches; ++p) {
+        MatX a(rows, 2);
+        VecX error(rows);
+        for (int i = 0; i < rows; ++i) {
+          a.row(i) << 1 + 0.3 * std::cos(p + 0.1 * k), std::sin(0.8 * p + 0.1 * i);
+          error[i] = lasting[static_cast<std::size_t>(p)] + 0.001 * rng.normal();
+        }
+        parts.push_back({{0, k, {}, 2 * a.transpose() * a}, p});
+        rights.push_back(2 * a.transpose() * error);
+        hessian += parts.back().part.hessian;
+        right += rights.back();
+      }
+    }
+    const VecX error = hessian.ldlt().solve(right);
+    for (std::size_t i = 0; i < parts.size(); ++i)
+      parts[i].part.gradient = parts[i].part.hessian * error - rights[i];
+    const VecX scaled = truth + error;
+    const Uncertainty frames_alone = estimate_uncertainty(problem, scaled, frames_of(parts));
+    const Uncertainty both = estimate_uncertainty(problem, scaled, parts);
+    for (int j = 0; j < 2; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      by_frames[j] += std::abs(error[j]) <= frames_alone.parameters[at].half_width;
+      by_both[j] += std::abs(error[j]) <= both.parameters[at].half_width;
+    }
+    EXPECT_EQ(both.clusters, frames);
+  }
+  for (int j = 0; j < 2; ++j) {
+    EXPECT_LT(by_frames[j], 0.5 * repetitions) << j;
+    EXPECT_GT(by_both[j], 0.85 * repetitions) << j;
+    EXPECT_LT(by_both[j], 0.97 * repetitions) << j;
+  }
+}
+
+// An estimate that a search left beside the minimum has the way to it in its interval.
+TEST(Uncertainty, TheStepThatIsLeftWidensTheInterval) {
+  const Problem problem = analytic_problem({"bend_stiffness"}, [](const VecX&) { return 0.0; });
+  std::vector<PatchPart> parts;
+  Rng rng(11);
+  for (int k = 0; k < 10; ++k)
+    for (int p = 0; p < 4; ++p)
+      parts.push_back({{0, k, VecX::Constant(1, 0.001 * rng.normal()), MatX::Ones(1, 1)}, p});
+  const double before =
+      estimate_uncertainty(problem, VecX::Constant(1, 0.5), parts).covariance(0, 0);
+  double mean = 0;
+  for (const PatchPart& p : parts) mean += p.part.gradient[0] / double(parts.size());
+  for (PatchPart& p : parts) p.part.gradient[0] += 0.1 - mean;
+  const double after =
+      estimate_uncertainty(problem, VecX::Constant(1, 0.5), parts).covariance(0, 0);
+  EXPECT_NEAR(after - (before - mean * mean), 0.01, 1e-9);
+}
+
 // Few clusters, of which half say nothing of the second parameter.
 TEST(Uncertainty, IntervalsCoverTheTruthWithFewUnequalClusters) {
   const int repetitions = 400, clusters = 12;
@@ -161,6 +232,12 @@ TEST(Uncertainty, OfAMeanIsItsStandardError) {
   EXPECT_NEAR(cluster_covariance(parts).covariance(0, 0), square / 5, 1e-12);
 }
 
+UncertaintyOptions single_frames() {
+  UncertaintyOptions options;
+  options.frames_per_cluster = 1;
+  return options;
+}
+
 std::vector<CostPart> random_parts(int count, const std::vector<VecX>& rows) {
   Rng rng(5);
   std::vector<CostPart> parts;
@@ -184,7 +261,8 @@ TEST(Uncertainty, DirectionsWithoutDataHaveInfiniteIntervals) {
                                            [](const VecX&) { return 0.0; });
   // Measured: the sum of the first two, and the third.
   const auto parts = random_parts(20, {Vec3(1, 1, 0), Vec3(0, 0, 1)});
-  const Uncertainty u = estimate_uncertainty(problem, VecX::Constant(3, 0.5), parts);
+  const Uncertainty u =
+      estimate_uncertainty(problem, VecX::Constant(3, 0.5), parts, single_frames());
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_FALSE(u.parameters[i].determined);
     EXPECT_EQ(u.parameters[i].lower, 0);
@@ -202,7 +280,7 @@ TEST(Uncertainty, IntervalsAreSymmetricInTheSearchCoordinate) {
       analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
   const auto parts = random_parts(20, {Vec2(1, 0.2), Vec2(0.1, 1)});
   const Vec2 scaled(0.4, 0.6);
-  const Uncertainty u = estimate_uncertainty(problem, scaled, parts);
+  const Uncertainty u = estimate_uncertainty(problem, scaled, parts, single_frames());
   for (int i = 0; i < 2; ++i) {
     const ParameterInterval& p = u.parameters[static_cast<std::size_t>(i)];
     EXPECT_TRUE(p.determined);
@@ -219,7 +297,7 @@ TEST(Uncertainty, IntervalsAreSymmetricInTheSearchCoordinate) {
               u.covariance(0, 1) / std::sqrt(u.covariance(0, 0) * u.covariance(1, 1)), 1e-12);
   EXPECT_EQ(u.correlation(1, 1), 1);
   EXPECT_TRUE(u.warnings.empty());
-  UncertaintyOptions wider;
+  UncertaintyOptions wider = single_frames();
   wider.confidence = 0.99;
   EXPECT_GT(estimate_uncertainty(problem, scaled, parts, wider).parameters[0].half_width,
             bend.half_width);
@@ -230,7 +308,7 @@ TEST(Uncertainty, AParameterAtABoundIsHeldAndSaid) {
       analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
   auto parts = random_parts(20, {Vec2(1, 0.5), Vec2(0.1, 1)});
   for (CostPart& part : parts) part.gradient[1] += 0.1;  // drag would go below zero
-  const Uncertainty u = estimate_uncertainty(problem, Vec2(0.5, 0), parts);
+  const Uncertainty u = estimate_uncertainty(problem, Vec2(0.5, 0), parts, single_frames());
   EXPECT_TRUE(u.parameters[1].at_lower);
   EXPECT_EQ(u.parameters[1].lower, 0);
   EXPECT_GT(u.parameters[1].upper, 0);
@@ -242,6 +320,43 @@ TEST(Uncertainty, AParameterAtABoundIsHeldAndSaid) {
   for (const CostPart& part : parts)
     alone.push_back({0, part.frame, part.gradient.head(1), part.hessian.topLeftCorner(1, 1)});
   EXPECT_NEAR(u.covariance(0, 0), cluster_covariance(alone).covariance(0, 0), 1e-15);
+}
+
+TEST(Uncertainty, InformationIsTheMatrixOverTheDispersion) {
+  const Problem problem =
+      analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
+  auto parts = random_parts(30, {Vec2(1, 0.2), Vec2(0.1, 1)});
+  for (CostPart& part : parts) part.factor = 0.01;
+  const Uncertainty u = estimate_uncertainty(problem, Vec2(0.4, 0.6), parts);
+  EXPECT_EQ(u.frames_per_cluster, 3);
+  EXPECT_EQ(u.clusters, 10);
+  const auto clusters = join_frames(parts, 3);
+  EXPECT_EQ(u.dispersion, cluster_dispersion(clusters));
+  EXPECT_NEAR(u.noise, 100 * u.dispersion, 1e-9 * u.noise);
+  MatX hessian = MatX::Zero(2, 2);
+  for (const CostPart& part : parts) hessian += part.hessian;
+  EXPECT_LT((u.information * u.dispersion - hessian).norm(), 1e-9 * hessian.norm());
+}
+
+// Nothing is measured of the second parameter but its prior; nothing but data of the first.
+TEST(Uncertainty, APriorBoundsWhatTheDataDoNot) {
+  const Problem plain =
+      analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
+  const Problem known(plain.trials(), plain.initial(), plain.free(), plain.evaluator(),
+                      {{"drag_linear", 0.5, 2}});
+  const auto parts = random_parts(20, {Vec2(1, 0)});
+  const VecX scaled = Vec2(0.4, to_scaled(plain.info(1), 0.5));
+  const Uncertainty without = estimate_uncertainty(plain, scaled, parts, single_frames());
+  const Uncertainty with = estimate_uncertainty(known, scaled, parts, single_frames());
+  EXPECT_FALSE(without.parameters[1].determined);
+  EXPECT_TRUE(with.parameters[1].determined);
+  // Standard deviation log 2 in log(0.1 + value), over the range log(10.1 / 0.1).
+  const double deviation = std::log(2.0) / std::log(101.0);
+  EXPECT_NEAR(with.parameters[1].half_width, student_quantile(0.95, 19) * deviation, 1e-9);
+  EXPECT_NEAR(with.parameters[0].half_width, without.parameters[0].half_width, 1e-12);
+  EXPECT_EQ(known.prior_cost(scaled), 0);
+  EXPECT_NEAR(known.prior_cost(Vec2(0.4, scaled[1] + deviation)), 0.5, 1e-12);
+  EXPECT_EQ(with.information(1, 1), 0);  // of the data alone
 }
 
 TEST(Uncertainty, FramesAreJoinedWithinTheirTrial) {
@@ -278,6 +393,9 @@ TEST(Uncertainty, RejectsBadArguments) {
   EXPECT_THROW(estimate_uncertainty(problem, VecX::Zero(3), parts), Error);
   EXPECT_THROW(cluster_covariance({parts[0]}), Error);
   UncertaintyOptions options;
+  options.frames_per_cluster = -1;
+  EXPECT_THROW(estimate_uncertainty(problem, VecX::Zero(2), parts, options), Error);
+  options = {};
   options.confidence = 1;
   EXPECT_THROW(estimate_uncertainty(problem, VecX::Zero(2), parts, options), Error);
   parts[3].gradient = VecX::Zero(3);

@@ -11,6 +11,7 @@
 
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
+#include "weft/fabric/prior.h"
 
 namespace weft {
 namespace {
@@ -178,6 +179,44 @@ TEST(FabricFile, BadInputNamesFileKeyAndReason) {
   expect_error(edited("version = 1", "version = 2"), "version");
   expect_error(edited("[parameters]", "areal_density = 0\n[parameters]"), "areal_density");
   expect_error("format = ", "cloth.toml");
+}
+
+TEST(FabricFile, PriorsAreReadAndChecked) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "fabric.toml";
+  const auto with_prior = [](const std::string& prior) {
+    return edited("unit = \"N/m\", lower = 5,",
+                  "unit = \"N/m\", prior = " + prior + ", lower = 5,");
+  };
+  std::ofstream(path) << with_prior("{ median = 2000, factor = 1.5 }");
+  EXPECT_EQ(read_fabric(path).values, find_fabric("linen-waving").values);
+  const auto priors = read_priors(path);
+  ASSERT_EQ(priors.size(), 1u);
+  EXPECT_EQ(priors[0].parameter, "stretch_stiffness");
+  EXPECT_EQ(priors[0].median, 2000);
+  EXPECT_EQ(priors[0].factor, 1.5);
+  EXPECT_TRUE(find_priors("linen").empty());
+  EXPECT_EQ(find_priors(path.string()).size(), 1u);
+
+  expect_error(with_prior("{ median = 2000 }"), "prior.factor", "missing");
+  expect_error(with_prior("{ median = 2, factor = 2 }"), "prior.median", "5");
+  expect_error(with_prior("{ median = 2000, factor = 1 }"), "prior.factor", "1.001");
+  expect_error(with_prior("{ median = 2000, factor = -3 }"), "prior.factor");
+  expect_error(with_prior("{ median = nan, factor = 2 }"), "prior.median");
+  expect_error(with_prior("{ median = 2000, factor = 2, sigma = 1 }"), "sigma");
+}
+
+// A factor away from the median is one standard deviation away, in both kinds of scale.
+TEST(Prior, AFactorIsOneStandardDeviation) {
+  for (const ParameterInfo& info : baraff_witkin_parameters()) {
+    const double shift = info.scale == Scale::shifted_log ? 0.1 : 0;
+    const double median = info.default_value, factor = 1.3;
+    const ScaledPrior prior = scaled_prior(info, {std::string(info.name), median, factor});
+    EXPECT_NEAR(to_scaled(info, median), prior.mean, 1e-12) << info.name;
+    EXPECT_NEAR(to_scaled(info, factor * (median + shift) - shift), prior.mean + prior.deviation,
+                1e-9)
+        << info.name;
+  }
 }
 
 TEST(FabricFile, FilesOnDisk) {

@@ -37,7 +37,9 @@ std::string changed(const std::function<void(json&)>& change) {
 }
 
 TEST(Result, CertaintyComesBackWithWhatIsNotFinite) {
-  const json file = json::parse(result_to_json(sample_report()));
+  Report report = sample_report();
+  report.certainty->condition = infinity;
+  const json file = json::parse(result_to_json(report));
   const json& certainty = file["certainty"];
   EXPECT_EQ(certainty["condition"], nullptr);
   EXPECT_EQ(certainty["condition_not_finite"], "infinity");
@@ -51,6 +53,10 @@ TEST(Result, CertaintyComesBackWithWhatIsNotFinite) {
   ASSERT_TRUE(back.certainty);
   EXPECT_EQ(back.certainty->condition, infinity);
   EXPECT_EQ(back.certainty->noise, 1.25);
+  EXPECT_EQ(back.certainty->dispersion, 1e-4);
+  EXPECT_EQ(back.certainty->frames_per_cluster, 5);
+  EXPECT_EQ(back.parameters[0].prior_median, 2e-5);
+  EXPECT_EQ(back.parameters[0].prior_factor, 3);
   EXPECT_EQ(back.certainty->parameters, sample_report().certainty->parameters);
   EXPECT_EQ(back.certainty->information, sample_report().certainty->information);
   EXPECT_TRUE(std::isnan(back.certainty->correlation(0, 1)));

@@ -44,6 +44,8 @@ inline Report sample_report() {
   bend.variability_percent = 2.5;
   bend.interval_lower = 0.9 * bend.value;
   bend.interval_upper = 1.2 * bend.value;
+  bend.prior_median = 2e-5;
+  bend.prior_factor = 3;
   ReportParameter damping = bend;
   damping.name = "bend_damping";
   damping.variability_percent = infinity;
@@ -65,7 +67,9 @@ inline Report sample_report() {
 
   ReportCertainty& certainty = report.certainty.emplace();
   certainty.clusters = 8;
-  certainty.condition = infinity;
+  certainty.condition = 250;
+  certainty.dispersion = 1e-4;
+  certainty.frames_per_cluster = 5;
   certainty.noise = 1.25;
   certainty.parameters = {"bend_stiffness", "bend_damping", "drag_linear"};
   const double nan = std::numeric_limits<double>::quiet_NaN();

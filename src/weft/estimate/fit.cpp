@@ -33,6 +33,7 @@ class Fit {
       const int dimension = problem.index_of(name);
       if (dimension >= 0) coarse_dimensions_.push_back(dimension);
     }
+    if (!(options.prior_weight >= 0)) throw Error("prior_weight must not be negative");
     result_.seed = options.seed;
   }
 
@@ -71,9 +72,14 @@ class Fit {
     return known_[key] = stored.evaluation;
   }
 
+  double prior_error(const VecX& scaled) const {
+    return options_.prior_weight * problem_.prior_cost(scaled);
+  }
+
   ErrorFunction error_function(int frame_count, std::string_view phase, int threads) {
     return [this, frame_count, phase, threads](const VecX& scaled) {
-      return evaluate_fabric(problem_.fabric(scaled), frame_count, phase, threads).error;
+      return evaluate_fabric(problem_.fabric(scaled), frame_count, phase, threads).error +
+             prior_error(scaled);
     };
   }
 
@@ -105,7 +111,7 @@ class Fit {
     result_.initial = evaluate_fabric(problem_.fabric(middle), 0, "start", all_threads());
     result_.start = result_.initial;
     result_.start_fabric = problem_.fabric(middle);
-    keep_if_better(middle, result_.initial.error);
+    keep_if_better(middle, result_.initial.error + prior_error(middle));
     record("start", result_.initial.error, result_.initial.error, 0);
     tell(result_.history.back(), 1, 1);
   }
@@ -200,6 +206,8 @@ class Fit {
         result_.trials.push_back(evaluate(*trial, result_.fabric, 0, nullptr, options_.threads));
     if (options_.with_variability && !stopped_ && std::isfinite(result_.final.error))
       analyse_variability();
+    result_.prior_weight = options_.prior_weight;
+    result_.prior_error = prior_error(result_.scaled);
     result_.stopped = stopped_;
     warn();
   }

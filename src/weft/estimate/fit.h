@@ -30,6 +30,9 @@ struct FitOptions {
     initial,  ///< the problem's initial fabric
   } start = Start::middle;
   AnnealingOptions annealing;  ///< its seed and threads are overwritten by the ones below
+  /// Weight of Problem::prior_cost() in what the search minimizes: error + weight * prior; >= 0.
+  /// Errors in the history of a search with priors have it in them, those of evaluations do not.
+  double prior_weight = 0;
   bool with_variability = true;
   VariabilityOptions variability;  ///< its threads are overwritten
   std::uint64_t seed = 1;
@@ -63,6 +66,9 @@ struct FitResult {
   ProblemEvaluation start;    ///< where annealing started, all frames
   Fabric start_fabric;
   ProblemEvaluation final;  ///< of the estimate, all frames
+  /// Weight of the priors, in the unit of the error, and what they add to the error at the
+  /// estimate; 0 without priors.
+  double prior_weight = 0, prior_error = 0;
   /// Of the estimate, with the errors of each frame; empty if the problem has its own evaluator.
   std::vector<TrialEvaluation> trials;
   std::vector<FitStep> history;

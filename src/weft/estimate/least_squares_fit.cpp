@@ -14,6 +14,7 @@
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
+#include "weft/estimate/uncertainty.h"
 
 namespace weft {
 namespace {
@@ -99,10 +100,11 @@ class LeastSquaresFit {
     const double best =
         first ? evaluation.error : std::min(result_.history.back().best, evaluation.error);
     result_.history.push_back({phase, result_.history.size() + 1, evaluation.error, best, 0});
-    if (frame_count == 0 && (result_.scaled.size() == 0 || evaluation.error < best_error_)) {
+    const double error = evaluation.error + prior_weight_ * problem_.prior_cost(scaled);
+    if (frame_count == 0 && (result_.scaled.size() == 0 || error < best_error_)) {
       result_.scaled = scaled;
       result_.final = evaluation;
-      best_error_ = evaluation.error;
+      best_error_ = error;
     }
   }
 
@@ -200,6 +202,7 @@ class LeastSquaresFit {
       result_.start_fabric = problem_.fabric(candidates.front().scaled);
       result_.start = descents.front().start;
     }
+    if (descents.front().end.size() > 0) weigh_priors(descents.front().prior_weight);
     for (std::size_t i = 0; i < candidates.size(); ++i) {
       for (const Tried& tried : descents[i].tried)
         record(phase_of(stage), tried.scaled, stage.frames, tried.evaluation);
@@ -236,7 +239,28 @@ class LeastSquaresFit {
     ProblemEvaluation start;   ///< of the first linearization
     VecX end;                  ///< empty if it never ran
     double cost = kInfinity;
+    double prior_weight = 0;  ///< by the noise of the first linearization's residuals
   };
+
+  double prior_weight_of(const std::vector<CostPart>& parts) const {
+    if (problem_.priors().empty() || parts.size() < 2) return prior_weight_;
+    const double dispersion = cluster_dispersion(join_frames(parts, frames_per_cluster(parts)));
+    return std::isfinite(dispersion) ? dispersion : prior_weight_;
+  }
+
+  /// The best so far is judged by the new weight from then on.
+  void weigh_priors(double weight) {
+    prior_weight_ = weight;
+    if (result_.scaled.size() > 0)
+      best_error_ = result_.final.error + prior_weight_ * problem_.prior_cost(result_.scaled);
+  }
+
+  void add_priors(const VecX& scaled, double weight, QuadraticModel& model) const {
+    const VecX& precision = problem_.prior_precision();
+    model.cost += weight * problem_.prior_cost(scaled);
+    model.gradient += weight * precision.cwiseProduct(scaled - problem_.prior_mean());
+    model.hessian.diagonal() += weight * precision;
+  }
 
   Descent improve(const FitStage& stage, const Candidate& candidate, int threads) {
     LinearizationOptions options = linearization_of(stage);
@@ -244,13 +268,16 @@ class LeastSquaresFit {
     const std::string phase = phase_of(stage);
     const VecX origin = reference();
     Descent descent;
-    double pull = -1;  // set by the first linearization
+    descent.prior_weight = prior_weight_;
+    double pull = -1;  // set by the first linearization, as is the weight of the priors
     const auto linearized = [&](const VecX& scaled) {
       ProblemLinearization found = linearize(problem_, scaled, options);
       if (pull < 0) {
         pull = std::isfinite(found.model.cost) ? stage.pull * found.model.cost : 0;
         descent.start = found.evaluation;
+        descent.prior_weight = prior_weight_of(found.parts);
       }
+      add_priors(scaled, descent.prior_weight, found.model);
       found.model.cost += pull * (scaled - origin).squaredNorm();
       found.model.gradient += 2 * pull * (scaled - origin);
       found.model.hessian.diagonal().array() += 2 * pull;
@@ -262,7 +289,8 @@ class LeastSquaresFit {
         store_->add(problem_, problem_.fabric(scaled), stage.frames, phase, found.evaluation);
       descent.tried.push_back({scaled, found.evaluation});
       announce(phase, found.evaluation);
-      return found.cost + pull * (scaled - origin).squaredNorm();
+      return found.cost + descent.prior_weight * problem_.prior_cost(scaled) +
+             pull * (scaled - origin).squaredNorm();
     };
     LeastSquaresOptions solver = options_.solver;
     solver.max_iterations = stage.max_iterations;
@@ -280,6 +308,8 @@ class LeastSquaresFit {
     if (std::isfinite(result_.final.error))
       for (const auto& trial : problem_.trials())
         result_.trials.push_back(evaluate(*trial, result_.fabric, 0, nullptr, options_.threads));
+    result_.prior_weight = prior_weight_;
+    result_.prior_error = prior_weight_ * problem_.prior_cost(result_.scaled);
     result_.stopped = stopped_;
     warn();
   }
@@ -311,6 +341,7 @@ class LeastSquaresFit {
   std::size_t phase_done_ = 0, announced_ = 0;
   std::atomic<bool> stopped_ = false;
   double best_error_ = kInfinity;
+  double prior_weight_ = 0;
   FitResult result_;
 };
 
@@ -334,7 +365,8 @@ FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
   FitOptions annealing = options.annealing;
   annealing.start = FitOptions::Start::initial;
   annealing.coarse_parameters.clear();
-  const Problem from_there(problem.trials(), descent.fabric, problem.free());
+  const Problem from_there(problem.trials(), descent.fabric, problem.free(), {}, problem.priors());
+  annealing.prior_weight = descent.prior_weight;
   FitResult result = run_fit(from_there, annealing, store, observer);
   result.initial = descent.initial;
   const std::size_t before = descent.history.size();

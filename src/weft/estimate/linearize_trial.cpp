@@ -5,10 +5,13 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/estimate/evaluate_trial.h"
+#include "weft/estimate/patch_parts.h"
+#include "weft/objective/residual_patches.h"
 
 namespace weft {
 namespace {
@@ -76,27 +79,89 @@ class TrialComparer {
     return result;
   }
 
+  /// Frames and their patches; the frames without gradient and hessian.
+  struct Patches {
+    TrialFrames frames;
+    std::vector<std::vector<PatchLinearization::Sums>> patches;
+  };
+  Patches linearize_patches(const Fabric& fabric, const std::vector<int>& parameters,
+                            const VecX& slopes, const SensitivitySimulator& simulator) const {
+    const TrajectoryWithSensitivities motion =
+        simulator(shortened(trial_, compared_), fabric, parameters, trial_.options.simulation);
+    Patches result{prepare(motion.trajectory), {}};
+    const std::size_t count = result.frames.frames.size();
+    result.patches.resize(count);
+    const PatchGrid grid = patch_grid();
+    parallel_for(count, threads_, [&](std::size_t i) {
+      const Directions& dx = motion.sensitivities.x[i + first()];
+      const Principal principal =
+          principal_motion(dx.leftCols(slopes.size()) * slopes.asDiagonal());
+      PatchLinearization found = weft::linearize_patches(
+          trial_.capture.rig, trial_.scene.mesh, trial_.options.render, trial_.options.angle_map,
+          residual_, trial_.features[i], motion.trajectory.frames[i + first()],
+          principal.directions, grid);
+      static_cast<FrameCost&>(result.frames.frames[i]) = found.whole;
+      for (PatchLinearization::Sums& sums : found.patches) {
+        sums.gradient = (principal.back * sums.gradient).eval();
+        sums.hessian = (principal.back * sums.hessian * principal.back.transpose()).eval();
+      }
+      result.patches[i] = std::move(found.patches);
+    });
+    return result;
+  }
+
  private:
   using Clock = std::chrono::steady_clock;
+  /// About the measured silhouettes of all frames.
+  PatchGrid patch_grid() const {
+    Eigen::Index top = trial_.capture.rig.height, left = trial_.capture.rig.width;
+    Eigen::Index bottom = 0, right = 0;
+    for (const FrameFeatures& features : trial_.features) {
+      const Mask& mask = features.silhouette;
+      for (Eigen::Index i = 0; i < mask.rows(); ++i) {
+        for (Eigen::Index j = 0; j < mask.cols(); ++j) {
+          if (mask(i, j) == 0) continue;
+          top = std::min(top, i);
+          bottom = std::max(bottom, i + 1);
+          left = std::min(left, j);
+          right = std::max(right, j + 1);
+        }
+      }
+    }
+    if (top >= bottom || left >= right) return {};
+    return {double(left), double(top), double(right), double(bottom)};
+  }
+
   static double seconds_since(Clock::time_point begin) {
     return std::chrono::duration<double>(Clock::now() - begin).count();
   }
 
-  /// In the principal directions of the motion, then mapped back to the parameters.
-  FrameLinearization linearize_frame(FrameResiduals& residuals, const FrameFeatures& measured,
-                                     const Points& x, const MatX& dx) const {
-    const Eigen::SelfAdjointEigenSolver<MatX> principal(dx.transpose() * dx / double(x.cols()));
+  /// Directions of the vertices along which the motion is looked at, and the way back to the
+  /// parameters.
+  struct Principal {
+    MatX directions, back;
+  };
+  Principal principal_motion(const MatX& dx) const {
+    // Past a snap derivatives may overflow: the limit of the trust below.
+    if (!dx.allFinite()) return {MatX(dx.rows(), 0), MatX(dx.cols(), 0)};
+    const double vertices = double(dx.rows()) / 3;
+    const Eigen::SelfAdjointEigenSolver<MatX> principal(dx.transpose() * dx / vertices);
     const VecX motion = principal.eigenvalues().cwiseMax(0).cwiseSqrt();  // ascending
     Eigen::Index still = 0;
     while (still < motion.size() && motion[still] < least_motion_) ++still;
     const Eigen::Index moving = motion.size() - still;
     const MatX basis = principal.eigenvectors().rightCols(moving);
-    FrameLinearization frame = residuals.linearize(measured, x, dx * basis);
     const VecX trust =
         (1 + (motion.tail(moving) / unstable_motion_).array().square()).inverse().matrix();
-    const MatX back = basis * trust.asDiagonal();
-    frame.gradient = (back * frame.gradient).eval();
-    frame.hessian = (back * frame.hessian * back.transpose()).eval();
+    return {dx * basis, basis * trust.asDiagonal()};
+  }
+
+  FrameLinearization linearize_frame(FrameResiduals& residuals, const FrameFeatures& measured,
+                                     const Points& x, const MatX& dx) const {
+    const Principal principal = principal_motion(dx);
+    FrameLinearization frame = residuals.linearize(measured, x, principal.directions);
+    frame.gradient = (principal.back * frame.gradient).eval();
+    frame.hessian = (principal.back * frame.hessian * principal.back.transpose()).eval();
     return frame;
   }
 
@@ -191,24 +256,37 @@ ProblemCost evaluate_cost(const Problem& problem, const VecX& scaled,
   return result;
 }
 
+namespace {
+
+/// What the sensitivities of a problem are asked with.
+struct Derivatives {
+  Derivatives(const Problem& problem, const VecX& scaled, const LinearizationOptions& options)
+      : slopes(problem.dimension()),
+        simulator(options.simulator ? options.simulator
+                                    : SensitivitySimulator(simulate_with_sensitivities)) {
+    for (int i = 0; i < problem.dimension(); ++i) {
+      parameters.push_back(
+          parameter_index(problem.initial().model, problem.free()[static_cast<std::size_t>(i)]));
+      slopes[i] = scaled_slope(problem.info(i), scaled[i]);
+    }
+  }
+  std::vector<int> parameters;
+  VecX slopes;
+  SensitivitySimulator simulator;
+};
+
+}  // namespace
+
 ProblemLinearization linearize(const Problem& problem, const VecX& scaled,
                                const LinearizationOptions& options) {
   const auto& trials = problem.trials();
   const Fabric fabric = problem.fabric(scaled);
   const int n = problem.dimension();
-  std::vector<int> parameters;
-  VecX slopes(n);
-  for (int i = 0; i < n; ++i) {
-    parameters.push_back(
-        parameter_index(fabric.model, problem.free()[static_cast<std::size_t>(i)]));
-    slopes[i] = scaled_slope(problem.info(i), scaled[i]);
-  }
-  const SensitivitySimulator simulator =
-      options.simulator ? options.simulator : SensitivitySimulator(simulate_with_sensitivities);
+  const Derivatives by(problem, scaled, options);
   std::vector<TrialFrames> frames(trials.size());
   each_trial(trials.size(), options.threads, [&](std::size_t i, int threads) {
     frames[i] = TrialComparer(*trials[i], options, threads)
-                    .linearize(fabric, parameters, slopes, simulator);
+                    .linearize(fabric, by.parameters, by.slopes, by.simulator);
   });
 
   ProblemLinearization result;
@@ -221,13 +299,70 @@ ProblemLinearization linearize(const Problem& problem, const VecX& scaled,
     for (std::size_t k = 0; k < frames[i].frames.size(); ++k) {
       const FrameLinearization& frame = frames[i].frames[k];
       result.parts.push_back(
-          {i, static_cast<int>(k), factor * frame.gradient, factor * frame.hessian,
-                              factor});
+          {i, static_cast<int>(k), factor * frame.gradient, factor * frame.hessian, factor});
       result.model.gradient += result.parts.back().gradient;
       result.model.hessian += result.parts.back().hessian;
     }
   }
   return result;
+}
+
+std::vector<PatchPart> linearize_patches(const Problem& problem, const VecX& scaled,
+                                         const LinearizationOptions& options) {
+  const auto& trials = problem.trials();
+  const Fabric fabric = problem.fabric(scaled);
+  const Derivatives by(problem, scaled, options);
+  std::vector<TrialComparer::Patches> found(trials.size());
+  each_trial(trials.size(), options.threads, [&](std::size_t i, int threads) {
+    found[i] = TrialComparer(*trials[i], options, threads)
+                   .linearize_patches(fabric, by.parameters, by.slopes, by.simulator);
+  });
+  std::vector<PatchPart> parts;
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    ProblemEvaluation evaluation;
+    double cost = 0;
+    if (found[i].frames.diverged) return {};
+    const double factor =
+        add_trial_share(*trials[i], found[i].frames, 1 / double(trials.size()), evaluation, cost);
+    for (std::size_t k = 0; k < found[i].patches.size(); ++k)
+      for (std::size_t p = 0; p < found[i].patches[k].size(); ++p) {
+        const PatchLinearization::Sums& sums = found[i].patches[k][p];
+        parts.push_back(
+            {{i, static_cast<int>(k), factor * sums.gradient, factor * sums.hessian, factor},
+             static_cast<int>(p)});
+      }
+  }
+  return parts;
+}
+
+namespace {
+
+/// Adds up those with the same trial and key.
+template <typename Key>
+std::vector<CostPart> add_up(const std::vector<PatchPart>& parts, const Key& key) {
+  std::map<std::pair<std::size_t, int>, CostPart> sums;
+  for (const PatchPart& p : parts) {
+    const auto [at, fresh] = sums.try_emplace({p.part.trial, key(p)}, p.part);
+    if (fresh) {
+      at->second.frame = key(p);
+      continue;
+    }
+    at->second.gradient += p.part.gradient;
+    at->second.hessian += p.part.hessian;
+  }
+  std::vector<CostPart> result;
+  for (auto& [at, sum] : sums) result.push_back(std::move(sum));
+  return result;
+}
+
+}  // namespace
+
+std::vector<CostPart> frames_of(const std::vector<PatchPart>& parts) {
+  return add_up(parts, [](const PatchPart& p) { return p.part.frame; });
+}
+
+std::vector<CostPart> patches_of(const std::vector<PatchPart>& parts) {
+  return add_up(parts, [](const PatchPart& p) { return p.patch; });
 }
 
 }  // namespace weft

@@ -7,6 +7,7 @@
 #include "weft/base/parallel.h"
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/evaluate_trial.h"
+#include "weft/estimate/extract_features.h"
 #include "weft/estimate/feature_cache.h"
 #include "weft/estimate/problem.h"
 #include "weft/registration/stripe_surface.h"
@@ -25,6 +26,8 @@ void check(const TrialOptions& options) {
   if (!(options.alpha >= 0) || !std::isfinite(options.alpha))
     throw Error(fmt::format("alpha = {}, valid: 0 or more", options.alpha));
 }
+
+}  // namespace
 
 std::vector<FrameFeatures> extract_features(const std::vector<Image>& frames,
                                             const Capture& capture, const AngleMapOptions& options,
@@ -50,6 +53,8 @@ std::vector<FrameFeatures> extract_features(const std::vector<Image>& frames,
   });
   return features;
 }
+
+namespace {
 
 /// Settles every generic start under the default fabric and keeps the one that looks most like the
 /// first compared frame.

@@ -11,10 +11,12 @@
 namespace weft {
 
 Problem::Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initial,
-                 std::vector<std::string> free, Evaluator evaluator)
+                 std::vector<std::string> free, Evaluator evaluator,
+                 std::vector<ParameterPrior> priors)
     : trials_(std::move(trials)),
       initial_(std::move(initial)),
       free_(std::move(free)),
+      priors_(std::move(priors)),
       evaluator_(std::move(evaluator)) {
   if (trials_.empty()) throw Error("no capture to fit");
   if (free_.empty()) throw Error("no parameter to search");
@@ -24,6 +26,16 @@ Problem::Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initia
       throw Error(fmt::format("parameter {} is listed twice", name));
     indices_.push_back(index);
     infos_.push_back(initial_.info(index));
+  }
+  prior_mean_ = VecX::Constant(dimension(), 0.5);
+  prior_precision_ = VecX::Zero(dimension());
+  for (const ParameterPrior& prior : priors_) {
+    parameter_index(initial_.model, prior.parameter);  // throws for an unknown one
+    const int i = index_of(prior.parameter);
+    if (i < 0) continue;
+    const ScaledPrior scaled = scaled_prior(info(i), prior);
+    prior_mean_[i] = scaled.mean;
+    prior_precision_[i] = 1 / (scaled.deviation * scaled.deviation);
   }
   ContentHash hash;
   hash.add(initial_.model);

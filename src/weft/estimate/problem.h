@@ -9,6 +9,7 @@
 #include "weft/capture/capture.h"
 #include "weft/dynamics/simulate.h"
 #include "weft/fabric/fabric.h"
+#include "weft/fabric/prior.h"
 #include "weft/objective/fold_metric.h"
 
 namespace weft {
@@ -105,9 +106,11 @@ using Evaluator = std::function<ProblemEvaluation(const Fabric& fabric, int fram
 class Problem {
  public:
   /// `free` names the parameters that are searched; the others stay at their value in `initial`.
-  /// Throws Error for unknown names, a name listed twice, none, or no trial.
+  /// A prior of a parameter that is not free has no effect. Throws Error for unknown names, a name
+  /// listed twice, none, or no trial.
   Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initial,
-          std::vector<std::string> free, Evaluator evaluator = {});
+          std::vector<std::string> free, Evaluator evaluator = {},
+          std::vector<ParameterPrior> priors = {});
   int dimension() const { return static_cast<int>(free_.size()); }
   const std::vector<std::string>& free() const { return free_; }
   const std::vector<std::shared_ptr<const Trial>>& trials() const { return trials_; }
@@ -119,6 +122,18 @@ class Problem {
   /// Scaled coordinates of a fabric's free parameters, and back (clamped to [0, 1] by the caller).
   VecX scaled(const Fabric& fabric) const;
   Fabric fabric(const VecX& scaled) const;
+  /// What is known before the data. It is no part of ProblemEvaluation::error nor of
+  /// ProblemCost::cost, which are of the data alone: a fit adds it to them with a weight, the noise
+  /// level that makes the data's cost a logarithm of a likelihood (cluster_dispersion()).
+  const std::vector<ParameterPrior>& priors() const { return priors_; }
+  /// Mean in scaled coordinates, and 1 / variance, 0 where there is no prior.
+  const VecX& prior_mean() const { return prior_mean_; }
+  const VecX& prior_precision() const { return prior_precision_; }
+  /// sum (scaled - mean)^2 precision / 2: minus the logarithm of the prior's density, without its
+  /// constant.
+  double prior_cost(const VecX& scaled) const {
+    return 0.5 * (scaled - prior_mean_).cwiseAbs2().dot(prior_precision_);
+  }
   /// Identifies the trials and their options by content: two problems with the same fingerprint
   /// give the same error for the same fabric. 16 hexadecimal digits.
   const std::string& fingerprint() const { return fingerprint_; }
@@ -130,6 +145,8 @@ class Problem {
   std::vector<std::string> free_;
   std::vector<int> indices_;
   std::vector<ParameterInfo> infos_;
+  std::vector<ParameterPrior> priors_;
+  VecX prior_mean_, prior_precision_;
   std::string fingerprint_;
   Evaluator evaluator_;
 };

@@ -9,6 +9,7 @@
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/estimate/extract_features.h"
 #include "weft/registration/stripe_surface.h"
 
 namespace weft {
@@ -90,8 +91,9 @@ Rig make_rig(const LayoutOptions& options) {
   return rig;
 }
 
-Scene true_scene(const Capture& layout, const SyntheticOptions& options) {
-  Scene scene = make_scene(layout, options.columns, options.rows, 0, layout.frame_count - 1);
+/// The first `frames` frames.
+Scene true_scene(const Capture& layout, const SyntheticOptions& options, int frames) {
+  Scene scene = make_scene(layout, options.columns, options.rows, 0, frames - 1);
   scene.mesh =
       make_swatch(layout.width, layout.height, options.columns, options.rows, options.pattern);
   const std::vector<StartShape> starts = generic_starts(scene);
@@ -100,6 +102,13 @@ Scene true_scene(const Capture& layout, const SyntheticOptions& options) {
         fmt::format("start_shape = {}, valid: 0 to {}", options.start_shape, starts.size() - 1));
   scene.start = starts[static_cast<std::size_t>(options.start_shape)].x;
   return scene;
+}
+
+Trajectory true_motion(const Scene& scene, const Fabric& fabric, const SyntheticOptions& options) {
+  Trajectory motion = simulate(scene, fabric, options.simulation);
+  if (motion.diverged)
+    throw Error(fmt::format("the simulation of {} diverged: {}", fabric.name, motion.divergence));
+  return motion;
 }
 
 std::vector<Image> film(const Rig& rig, const TriangleMesh& mesh, const std::vector<Points>& motion,
@@ -145,10 +154,8 @@ Capture make_layout(const LayoutOptions& options) {
 
 Capture make_synthetic_capture(const std::filesystem::path& folder, const Capture& layout,
                                const Fabric& fabric, const SyntheticOptions& options) {
-  const Scene scene = true_scene(layout, options);
-  Trajectory motion = simulate(scene, fabric, options.simulation);
-  if (motion.diverged)
-    throw Error(fmt::format("the simulation of {} diverged: {}", fabric.name, motion.divergence));
+  const Scene scene = true_scene(layout, options, layout.frame_count);
+  Trajectory motion = true_motion(scene, fabric, options);
   CaptureFiles files;
   files.frames = film(layout.rig, scene.mesh, motion.frames, options);
   files.as_images = options.as_images;
@@ -158,6 +165,27 @@ Capture make_synthetic_capture(const std::filesystem::path& folder, const Captur
   capture.truth.reset();
   write_capture(folder, capture, files);
   return read_capture(folder);
+}
+
+std::shared_ptr<const Trial> simulate_trial(const Capture& layout, const Fabric& fabric,
+                                            const TrialOptions& options,
+                                            const SyntheticOptions& truth) {
+  const int frames = layout.fit_last + 1;
+  const Scene scene = true_scene(layout, truth, frames);
+  const Trajectory motion = true_motion(scene, fabric, truth);
+  auto trial = std::make_shared<Trial>();
+  trial->capture = layout;
+  trial->options = options;
+  trial->first_frame = layout.fit_first;
+  trial->scene = make_scene(layout, options.columns, options.rows, 0, frames - 1);
+  const MaterialLocator locator(scene.mesh);
+  trial->scene.start =
+      interpolate(scene.mesh, locator, motion.frames.front(), trial->scene.mesh.material);
+  trial->start_name = "true surface";
+  const std::vector<Points> compared(motion.frames.begin() + layout.fit_first, motion.frames.end());
+  trial->features = extract_features(film(layout.rig, scene.mesh, compared, truth), layout,
+                                     options.angle_map, truth.threads);
+  return trial;
 }
 
 }  // namespace weft

@@ -3,6 +3,7 @@
 
 #include "weft/capture/capture.h"
 #include "weft/dynamics/simulate.h"
+#include "weft/estimate/problem.h"
 #include "weft/fabric/fabric.h"
 #include "weft/optics/render.h"
 
@@ -50,5 +51,13 @@ struct SyntheticOptions {
 /// Returns what read_capture reads back. Throws Error if the simulation diverges.
 Capture make_synthetic_capture(const std::filesystem::path& folder, const Capture& layout,
                                const Fabric& fabric, const SyntheticOptions& options = {});
+
+/// The trial that prepare_trial() would make of the fit frames of such a capture, without its files
+/// and with the true first frame (at the same (u, v)) as the start of the motion: for studies in
+/// which the surface of the first frame is not the question. Throws Error if the simulation
+/// diverges and for a grid or frames out of range.
+std::shared_ptr<const Trial> simulate_trial(const Capture& layout, const Fabric& fabric,
+                                            const TrialOptions& options,
+                                            const SyntheticOptions& truth = {});
 
 }  // namespace weft

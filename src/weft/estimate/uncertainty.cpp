@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,6 +20,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Eigenvalues of a matrix below this part of the largest one are rounding.
 constexpr double kRounding = 1e-13;
 constexpr double kLargestCondition = 1e12;
+constexpr int kMostFramesPerCluster = 5;
+constexpr int kLeastClusters = 8;
 /// An interval of half the range and more to either side says nothing about the fabric.
 constexpr double kWidestHalf = 0.5;
 
@@ -45,6 +49,8 @@ CostPart sum_of(const std::vector<CostPart>& clusters) {
     sum.gradient += cluster.gradient;
     sum.hessian += cluster.hessian;
   }
+  if (!sum.hessian.allFinite() || !sum.gradient.allFinite())
+    throw Error("uncertainty: a derivative is not finite");
   return sum;
 }
 
@@ -109,6 +115,10 @@ double cluster_dispersion(const std::vector<CostPart>& clusters) {
   return freedom > 1e-9 ? scatter / freedom : kInfinity;
 }
 
+int frames_per_cluster(const std::vector<CostPart>& parts) {
+  return std::clamp(static_cast<int>(parts.size()) / kLeastClusters, 1, kMostFramesPerCluster);
+}
+
 std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames) {
   if (frames < 1) throw Error("frames per cluster must be at least 1");
   std::vector<CostPart> joined;
@@ -124,8 +134,13 @@ std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames
   return joined;
 }
 
-ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters) {
-  const CostPart sum = sum_of(clusters);
+ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
+                                     const PriorTerm& prior) {
+  CostPart sum = sum_of(clusters);
+  if (prior.gradient.size() > 0) {
+    sum.gradient += prior.gradient;
+    sum.hessian += prior.hessian;
+  }
   const VecX& gradient = sum.gradient;
   const MatX& hessian = sum.hessian;
   const Eigen::Index n = gradient.size();
@@ -154,7 +169,12 @@ ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters) {
     MatX spread = MatX::Zero(n - lost, n - lost);
     for (const VecX& shift : shifts) spread += (shift - mean) * (shift - mean).transpose();
     const auto count = double(clusters.size());
-    result.covariance = (count - 1) / count * (basis * spread * basis.transpose());
+    spread *= (count - 1) / count;
+    if (prior.gradient.size() > 0) {
+      const MatX inverse = (basis.transpose() * hessian * basis).inverse();
+      spread += inverse * (basis.transpose() * prior.gradient_covariance * basis) * inverse;
+    }
+    result.covariance = basis * spread * basis.transpose();
     break;
   }
   if (lost == n) result.covariance = MatX::Zero(n, n);
@@ -166,12 +186,22 @@ namespace {
 
 class UncertaintyOfEstimate {
  public:
+  /// `patches` may be empty.
   UncertaintyOfEstimate(const Problem& problem, const VecX& scaled,
-                        const std::vector<CostPart>& parts, const UncertaintyOptions& options)
-      : problem_(problem), scaled_(scaled), options_(options) {
+                        const std::vector<CostPart>& parts, std::vector<CostPart> patches,
+                        const UncertaintyOptions& options)
+      : problem_(problem), scaled_(scaled), options_(options), patches_(std::move(patches)) {
     if (!(options.confidence > 0 && options.confidence < 1))
       throw Error(fmt::format("confidence is {:g}, must be in (0, 1)", options.confidence));
-    clusters_ = join_frames(parts, options.frames_per_cluster);
+    if (options.frames_per_cluster < 0) throw Error("frames per cluster must not be negative");
+    result_.frames_per_cluster =
+        options.frames_per_cluster > 0 ? options.frames_per_cluster : frames_per_cluster(parts);
+    clusters_ = join_frames(parts, result_.frames_per_cluster);
+    // A patch without cloth is no cluster.
+    std::erase_if(patches_, [](const CostPart& patch) { return patch.hessian.isZero(0); });
+    if (patches_.size() < 2) patches_.clear();
+    result_.dispersion = cluster_dispersion(clusters_);
+    if (!patches_.empty()) result_.dispersion += cluster_dispersion(patches_);
     result_.confidence = options.confidence;
   }
 
@@ -194,6 +224,7 @@ class UncertaintyOfEstimate {
   void sort_parameters() {
     VecX gradient = VecX::Zero(scaled_.size());
     for (const CostPart& cluster : clusters_) gradient += cluster.gradient;
+    gradient += prior().gradient;
     for (Eigen::Index i = 0; i < scaled_.size(); ++i) {
       const bool held = (scaled_[i] < at_bound_distance && gradient[i] > 0) ||
                         (scaled_[i] > 1 - at_bound_distance && gradient[i] < 0);
@@ -201,8 +232,27 @@ class UncertaintyOfEstimate {
     }
   }
 
+  /// In the unit of the cost.
+  PriorTerm prior() const {
+    PriorTerm term;
+    const VecX precision = weight() * problem_.prior_precision();
+    term.gradient = precision.cwiseProduct(scaled_ - problem_.prior_mean());
+    term.hessian = precision.asDiagonal();
+    term.gradient_covariance = weight() * term.hessian;
+    return term;
+  }
+  double weight() const { return std::isfinite(result_.dispersion) ? result_.dispersion : 0; }
+
+  /// Of cluster_covariance(), for some of the parameters; empty without priors.
+  PriorTerm prior(const std::vector<Eigen::Index>& indices) const {
+    if (problem_.priors().empty()) return {};
+    const PriorTerm all = prior();
+    return {VecX(all.gradient(indices)), select(all.hessian, indices),
+            select(all.gradient_covariance, indices)};
+  }
+
   void find_information() {
-    const double dispersion = cluster_dispersion(clusters_);
+    const double dispersion = result_.dispersion;
     const Eigen::Index n = scaled_.size();
     result_.information = MatX::Zero(n, n);
     for (const CostPart& cluster : clusters_) result_.information += cluster.hessian / dispersion;
@@ -225,8 +275,38 @@ class UncertaintyOfEstimate {
     return undetermined.cols() > 0 && undetermined.row(row).norm() > 1e-4;
   }
 
+  /// Over the frames, and over the patches where there are some.
+  ClusterCovariance covariance(const std::vector<Eigen::Index>& indices) const {
+    ClusterCovariance found = cluster_covariance(select(clusters_, indices), prior(indices));
+    if (patches_.empty()) return found;
+    // The prior's own part once only.
+    PriorTerm term = prior(indices);
+    term.gradient_covariance *= 0;
+    const ClusterCovariance across = cluster_covariance(select(patches_, indices), term);
+    const VecX left = step_left(indices, found.undetermined);
+    found.covariance += across.covariance + left * left.transpose();
+    found.clusters = std::min(found.clusters, across.clusters);
+    if (across.undetermined.cols() > found.undetermined.cols())
+      found.undetermined = across.undetermined;
+    return found;
+  }
+
+  /// From the estimate to the minimum of the linearization, in the determined directions.
+  VecX step_left(const std::vector<Eigen::Index>& indices, const MatX& undetermined) const {
+    CostPart sum = sum_of(select(clusters_, indices));
+    if (const PriorTerm term = prior(indices); term.gradient.size() > 0) {
+      sum.gradient += term.gradient;
+      sum.hessian += term.hessian;
+    }
+    const MatX lost = undetermined * undetermined.transpose();
+    const MatX kept = MatX::Identity(lost.rows(), lost.cols()) - lost;
+    // The undetermined directions are eigenvectors: with a stiffness of their own they stay apart.
+    const MatX regular = kept * sum.hessian * kept + sum.hessian.diagonal().maxCoeff() * lost;
+    return -(regular.ldlt().solve(kept * sum.gradient));
+  }
+
   void fill(const std::vector<Eigen::Index>& indices) {
-    const ClusterCovariance found = cluster_covariance(select(clusters_, indices));
+    const ClusterCovariance found = covariance(indices);
     result_.condition = found.condition;
     result_.clusters = found.clusters;
     for (std::size_t a = 0; a < indices.size(); ++a) {
@@ -249,7 +329,7 @@ class UncertaintyOfEstimate {
   void fill_held(Eigen::Index i) {
     std::vector<Eigen::Index> indices = free_;
     indices.push_back(i);
-    const ClusterCovariance found = cluster_covariance(select(clusters_, indices));
+    const ClusterCovariance found = covariance(indices);
     const auto row = static_cast<Eigen::Index>(free_.size());
     const bool lost = touched(found.undetermined, row);
     if (free_.empty()) {
@@ -299,7 +379,7 @@ class UncertaintyOfEstimate {
   const Problem& problem_;
   const VecX& scaled_;
   const UncertaintyOptions& options_;
-  std::vector<CostPart> clusters_;
+  std::vector<CostPart> clusters_, patches_;
   std::vector<Eigen::Index> free_, held_;
   Uncertainty result_;
 };
@@ -311,7 +391,15 @@ Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
                                  const UncertaintyOptions& options) {
   if (scaled.size() != problem.dimension())
     throw Error("uncertainty: the estimate and the problem differ in size");
-  return UncertaintyOfEstimate(problem, scaled, parts, options).run();
+  return UncertaintyOfEstimate(problem, scaled, parts, {}, options).run();
+}
+
+Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
+                                 const std::vector<PatchPart>& parts,
+                                 const UncertaintyOptions& options) {
+  if (scaled.size() != problem.dimension())
+    throw Error("uncertainty: the estimate and the problem differ in size");
+  return UncertaintyOfEstimate(problem, scaled, frames_of(parts), patches_of(parts), options).run();
 }
 
 }  // namespace weft

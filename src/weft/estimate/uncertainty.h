@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/patch_parts.h"
 
 namespace weft {
 
@@ -27,8 +28,15 @@ struct ClusterCovariance {
   double condition = 0;  ///< of H; infinity where singular
   int clusters = 0;
 };
+/// What is known besides the clusters and never left out: gradient and matrix add to theirs, and
+/// the gradient's own covariance adds H^-1 (that) H^-1 to the result. Empty: nothing.
+struct PriorTerm {
+  VecX gradient;
+  MatX hessian, gradient_covariance;
+};
 /// Throws Error for fewer than two parts or sizes that differ.
-ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters);
+ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
+                                     const PriorTerm& prior = {});
 
 /// How much more (or less) the gradient scatters than a cost of squares with independent residuals
 /// of variance 1/2 would have it: phi in cov(g_k) = phi H_k, so that phi H^-1 is the covariance of
@@ -45,10 +53,14 @@ double cluster_dispersion(const std::vector<CostPart>& clusters);
 /// Successive parts of a trial joined into blocks of `frames`; the last block may be shorter.
 std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames);
 
+/// Frames of a cluster where nothing else is known: what the model lacks lasts for some frames, so
+/// up to 5 of them, but at least 8 clusters where there are so many frames.
+int frames_per_cluster(const std::vector<CostPart>& parts);
+
 struct UncertaintyOptions {
   double confidence = 0.9;  ///< of the intervals, (0, 1)
-  /// Successive frames whose residuals are taken to depend on each other; >= 1.
-  int frames_per_cluster = 1;
+  /// Successive frames whose residuals are taken to depend on each other; 0: frames_per_cluster().
+  int frames_per_cluster = 0;
 };
 
 /// One parameter. Symmetric in its search coordinate, so not in its own unit.
@@ -72,17 +84,41 @@ struct Uncertainty {
   /// cluster_dispersion() of the sums over the pixels of a frame, rad^2: twice the variance of a
   /// pixel's residual times the number of pixels that count as one. Mean over the trials.
   double noise = 0;
+  double dispersion = 0;  ///< cluster_dispersion(), in the unit of the cost
+  int frames_per_cluster = 0;
   double condition = 0;
   int clusters = 0;
   double confidence = 0;
   std::vector<std::string> warnings;
 };
 
-/// Of the estimate at `scaled`, from the parts of its linearization. Parameters at a bound towards
+/// Of the estimate at `scaled`, from the parts of its linearization and the problem's priors, whose
+/// weight is the cluster_dispersion(). Parameters at a bound towards
 /// which the cost still falls are held for the intervals of the others; their own interval reaches
 /// from the bound inwards by what it would be if they were free.
 Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
                                  const std::vector<CostPart>& parts,
+                                 const UncertaintyOptions& options = {});
+
+/// The same from parts that are split among patches of the picture, with the covariance
+///
+///     C = (jackknife over blocks of frames) + (jackknife over patches, all frames of each) + d
+///     d^T.
+///
+/// Leaving out frames does not see what is wrong in all of them alike: the outline that the camera
+/// sees a little inside of the true one, the mesh, a term that the model lacks. Those errors do
+/// differ from place to place in the picture, over a fold's width; leaving out each place in turn
+/// shows them. Clusters in two ways (Cameron, Gelbach and Miller 2011), without their third term,
+/// the cells' own scatter that the sum counts twice: it could make C indefinite, and it is small
+/// where errors last in time or reach across the picture. What is wrong everywhere alike is still
+/// not seen.
+///
+/// d = -H^-1 g is the way from the estimate to the minimum that the linearization has: where the
+/// error is rough a search ends in a dent beside it, and which of the two is nearer to the truth is
+/// not known. The quantile is that of the smaller number of clusters, the dispersion the sum of
+/// both.
+Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
+                                 const std::vector<PatchPart>& parts,
                                  const UncertaintyOptions& options = {});
 
 /// Quantile of Student's t distribution, 0 < p < 1, degrees of freedom >= 1; relative error below

@@ -11,6 +11,7 @@
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/estimate/linearize_trial.h"
 
 namespace weft {
 namespace {
@@ -254,15 +255,15 @@ std::vector<PerturbationCurve> variability(const Problem& problem, const Fabric&
   return result;
 }
 
-VecX variability_from_derivatives(const Problem& problem, const VecX& scaled,
-                                  const ProblemLinearization& at_estimate, double rise) {
+VecX variability_from_derivatives(const Problem& problem, const VecX& scaled, double error,
+                                  const MatX& hessian, double rise) {
   if (!(rise > 0)) throw Error(fmt::format("variability: rise is {:g}, must be above 0", rise));
   VecX percent = VecX::Constant(problem.dimension(), kInfinity);
   for (int i = 0; i < problem.dimension(); ++i) {
-    const double curvature = at_estimate.model.hessian(i, i);
+    const double curvature = hessian(i, i);
     const double value = from_scaled(problem.info(i), scaled[i]);
     if (!(curvature > 0) || value == 0) continue;
-    const double change = std::sqrt(2 * rise * at_estimate.evaluation.error / curvature);
+    const double change = std::sqrt(2 * rise * error / curvature);
     percent[i] = 100 * change * scaled_slope(problem.info(i), scaled[i]) / std::abs(value);
   }
   return percent;

@@ -3,7 +3,6 @@
 #include <vector>
 
 #include "weft/estimate/evaluation_store.h"
-#include "weft/estimate/linearize_trial.h"
 #include "weft/estimate/optimize.h"
 #include "weft/estimate/problem.h"
 
@@ -48,12 +47,13 @@ std::vector<PerturbationCurve> variability(const Problem& problem, const Fabric&
                                            EvaluationStore* store = nullptr,
                                            const std::function<bool()>& keep_going = {});
 
-/// The variability of each free parameter to first order, without another evaluation: with error E
-/// and Gauss-Newton matrix H at the estimate, a change of the search coordinate i alone by
-/// sqrt(2 rise E / H_ii) raises the error by `rise`; in percent of the parameter. Infinite where
-/// H_ii or the value is 0. It differs from variability() by what second derivatives and the
-/// roughness of the error do. Throws Error unless rise > 0.
-VecX variability_from_derivatives(const Problem& problem, const VecX& scaled,
-                                  const ProblemLinearization& at_estimate, double rise = 0.01);
+/// The variability of each free parameter to first order, without another evaluation: with
+/// `error` E and Gauss-Newton matrix H (`hessian`, as in ProblemLinearization::model) at the
+/// estimate, a change of the search coordinate i alone by sqrt(2 rise E / H_ii) raises the error by
+/// `rise`; in percent of the parameter. Infinite where H_ii or the value is 0. It differs from
+/// variability() by what second derivatives and the roughness of the error do. Throws Error unless
+/// rise > 0.
+VecX variability_from_derivatives(const Problem& problem, const VecX& scaled, double error,
+                                  const MatX& hessian, double rise = 0.01);
 
 }  // namespace weft

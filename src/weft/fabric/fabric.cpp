@@ -9,6 +9,7 @@
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
 #include "weft/fabric/presets.h"
+#include "weft/fabric/prior.h"
 
 namespace weft {
 namespace {
@@ -16,7 +17,8 @@ namespace {
 constexpr const char* kFormat = "weft-fabric";
 constexpr int kVersion = 1;
 constexpr Range kArealDensity{1e-3, 100};  // kg/m^2
-constexpr double kHuge = 1e12;             // of any unit: catches typing errors only
+constexpr Range kPriorFactor{1.001, 1e6};
+constexpr double kHuge = 1e12;  // of any unit: catches typing errors only
 
 /// `text` as a basic string of TOML, with its quotes.
 std::string toml_string(std::string_view text) {
@@ -35,7 +37,8 @@ std::string toml_string(std::string_view text) {
 }
 
 /// One parameter: value, unit, and the range that it may have of its own.
-void read_parameter(const TomlTable& table, int index, Fabric& fabric) {
+void read_parameter(const TomlTable& table, int index, Fabric& fabric,
+                    std::vector<ParameterPrior>& priors) {
   const ParameterInfo info = fabric.info(index);
   table.choice("unit", {std::string(info.unit)});
   const double least = info.scale == Scale::logarithmic ? std::numeric_limits<double>::min() : 0.0;
@@ -47,10 +50,21 @@ void read_parameter(const TomlTable& table, int index, Fabric& fabric) {
   fabric.lower[index] = lower;
   fabric.upper[index] = upper;
   fabric.values[index] = table.number("value", {lower, upper});
+  if (const auto prior = table.optional_table("prior")) {
+    priors.push_back({std::string(info.name), prior->number("median", {lower, upper}),
+                      prior->number("factor", kPriorFactor)});
+    prior->finish();
+  }
   table.finish();
 }
 
-Fabric from_table(const TomlTable& file) {
+struct FabricFile {
+  Fabric fabric;
+  std::vector<ParameterPrior> priors;
+};
+
+FabricFile from_table(const TomlTable& file) {
+  std::vector<ParameterPrior> priors;
   file.choice("format", {kFormat});
   file.integer("version", kVersion, kVersion);
   const std::string name = file.string("name");
@@ -72,10 +86,10 @@ Fabric from_table(const TomlTable& file) {
   }
   const TomlTable parameters = file.table("parameters");
   for (std::size_t i = 0; i < infos.size(); ++i)
-    read_parameter(parameters.table(infos[i].name), static_cast<int>(i), fabric);
+    read_parameter(parameters.table(infos[i].name), static_cast<int>(i), fabric, priors);
   parameters.finish();
   file.finish();
-  return fabric;
+  return {fabric, priors};
 }
 
 std::string preset_names() {
@@ -135,11 +149,28 @@ std::string fabric_to_toml(const Fabric& fabric) {
 }
 
 Fabric fabric_from_toml(std::string_view text, const std::filesystem::path& name) {
-  return from_table(TomlTable::parse_string(text, name));
+  return from_table(TomlTable::parse_string(text, name)).fabric;
 }
 
 Fabric read_fabric(const std::filesystem::path& path) {
-  return from_table(TomlTable::parse_file(path));
+  return from_table(TomlTable::parse_file(path)).fabric;
+}
+
+std::vector<ParameterPrior> read_priors(const std::filesystem::path& path) {
+  return from_table(TomlTable::parse_file(path)).priors;
+}
+
+std::vector<ParameterPrior> find_priors(const std::string& name_or_path) {
+  for (const Fabric& preset : fabric_presets())
+    if (preset.name == name_or_path || preset.name == name_or_path + "-waving") return {};
+  return read_priors(name_or_path);
+}
+
+ScaledPrior scaled_prior(const ParameterInfo& info, const ParameterPrior& prior) {
+  // Both scales are logarithms, the second one of 0.1 more than the value, over the range's length.
+  const double shift = info.scale == Scale::shifted_log ? 0.1 : 0;
+  const double length = std::log((info.upper + shift) / (info.lower + shift));
+  return {to_scaled(info, prior.median), std::log(prior.factor) / length};
 }
 
 void write_fabric(const std::filesystem::path& path, const Fabric& fabric) {

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "weft/base/error.h"
+#include "weft/objective/residual_patches.h"
 #include "weft/objective/residuals_motion.h"
 #include "weft/vision/plane.h"
 #include "weft/vision/steerable_basis.h"
@@ -147,15 +148,22 @@ constexpr float kCoverageFloor = 1e-3f;
 
 }  // namespace
 
-struct FrameResiduals::Impl {
-  Impl(const Rig& rig, const TriangleMesh& mesh, const RenderOptions& render,
-       const AngleMapOptions& angle_map, const ResidualOptions& given);
+/// Renders, compares, differentiates.
+class FrameComparison {
+ public:
+  FrameComparison(const Rig& rig, const TriangleMesh& mesh, const RenderOptions& render,
+                  const AngleMapOptions& angle_map, const ResidualOptions& given);
 
   FrameCost look(const FrameFeatures& measured, const Points& x);
   FrameLinearization linearize(const FrameFeatures& measured, const Points& x,
                                const MatX& directions);
+  PatchLinearization linearize(const FrameFeatures& measured, const Points& x,
+                               const MatX& directions, const PatchGrid& grid);
 
  private:
+  FrameCost differentiate_all(const FrameFeatures& measured, const Points& x,
+                              const MatX& directions);
+  std::vector<std::vector<Eigen::Index>> residuals_by_patch(const PatchGrid& grid) const;
   double collect_folds(const FrameFeatures& measured, const AngleMap& simulated);
   double collect_outlines(const FrameFeatures& measured, const Mask& silhouette);
   double collect_phase(const FrameFeatures& measured, const Image& rows, FrameCost& cost);
@@ -202,8 +210,9 @@ struct FrameResiduals::Impl {
   MatX jacobian_, weighted_;  ///< one frame's: its pixels x directions
 };
 
-FrameResiduals::Impl::Impl(const Rig& rig, const TriangleMesh& mesh, const RenderOptions& render,
-                           const AngleMapOptions& angle_map, const ResidualOptions& given)
+FrameComparison::FrameComparison(const Rig& rig, const TriangleMesh& mesh,
+                                 const RenderOptions& render, const AngleMapOptions& angle_map,
+                                 const ResidualOptions& given)
     : camera_(rig.camera.projection()),
       width_(rig.width),
       height_(rig.height),
@@ -218,7 +227,7 @@ FrameResiduals::Impl::Impl(const Rig& rig, const TriangleMesh& mesh, const Rende
       coverage_(given.silhouette_sigma),
       margin_(coverage_.reach() + int(std::ceil(given.image_step)) + 1) {}
 
-FrameCost FrameResiduals::Impl::look(const FrameFeatures& measured, const Points& x) {
+FrameCost FrameComparison::look(const FrameFeatures& measured, const Points& x) {
   const RenderedFrame& image = renderer_.render(x);
   const AngleMap& simulated = mapper_.compute(image.intensity, image.silhouette);
   simulated_ = &simulated;
@@ -234,8 +243,8 @@ FrameCost FrameResiduals::Impl::look(const FrameFeatures& measured, const Points
 }
 
 /// Returns their cost; fills in the counts.
-double FrameResiduals::Impl::collect_phase(const FrameFeatures& measured, const Image& rows,
-                                           FrameCost& counts) {
+double FrameComparison::collect_phase(const FrameFeatures& measured, const Image& rows,
+                                      FrameCost& counts) {
   edges_.clear();
   if (options_.phase_weight == 0) return 0;
   counts.phase_samples = int(measured.phase.size());
@@ -261,8 +270,7 @@ double FrameResiduals::Impl::collect_phase(const FrameFeatures& measured, const 
 }
 
 /// Returns their cost.
-double FrameResiduals::Impl::collect_folds(const FrameFeatures& measured,
-                                           const AngleMap& simulated) {
+double FrameComparison::collect_folds(const FrameFeatures& measured, const AngleMap& simulated) {
   pixels_.clear();
   angles_.clear();
   if (options_.fold_weight == 0) return 0;
@@ -287,8 +295,7 @@ double FrameResiduals::Impl::collect_folds(const FrameFeatures& measured,
 }
 
 /// Returns their cost.
-double FrameResiduals::Impl::collect_outlines(const FrameFeatures& measured,
-                                              const Mask& silhouette) {
+double FrameComparison::collect_outlines(const FrameFeatures& measured, const Mask& silhouette) {
   outline_.clear();
   if (options_.alpha == 0) return 0;
   box_ =
@@ -317,8 +324,8 @@ double FrameResiduals::Impl::collect_outlines(const FrameFeatures& measured,
 
 /// Of the vertices along `direction`, px per unit; motion along the ray counts like motion across
 /// it (it moves the stripes).
-double FrameResiduals::Impl::fastest_motion(const Points& x,
-                                            const Eigen::Ref<const VecX>& direction) const {
+double FrameComparison::fastest_motion(const Points& x,
+                                       const Eigen::Ref<const VecX>& direction) const {
   double fastest = 0;
   for (Eigen::Index v = 0; v < x.cols(); ++v) {
     const Vec3 image = camera_ * x.col(v).homogeneous();
@@ -332,8 +339,8 @@ double FrameResiduals::Impl::fastest_motion(const Points& x,
   return std::isfinite(fastest) ? fastest : 0;
 }
 
-void FrameResiduals::Impl::differentiate(const Points& x, const Eigen::Ref<const VecX>& direction,
-                                         Eigen::Index column) {
+void FrameComparison::differentiate(const Points& x, const Eigen::Ref<const VecX>& direction,
+                                    Eigen::Index column) {
   auto derivative = jacobian_.col(column);
   const double fastest = fastest_motion(x, direction);
   if (!(fastest > 1e-9)) {
@@ -371,7 +378,7 @@ void FrameResiduals::Impl::differentiate(const Points& x, const Eigen::Ref<const
 }
 
 /// Of the simulated angle map, rad/px; one-sided or 0 next to pixels without an angle.
-Vec2 FrameResiduals::Impl::angle_gradient(int row, int column) const {
+Vec2 FrameComparison::angle_gradient(int row, int column) const {
   const AngleMap& map = *simulated_;
   const auto slope = [&](int dy, int dx) {
     const auto value = [&](int sign) {
@@ -387,7 +394,7 @@ Vec2 FrameResiduals::Impl::angle_gradient(int row, int column) const {
   return {slope(0, 1), slope(1, 0)};
 }
 
-void FrameResiduals::Impl::follow_folds(const Points& x, const MatX& directions) {
+void FrameComparison::follow_folds(const Points& x, const MatX& directions) {
   detail::StripeMotion::Rates rates;
   VecX turn, largest(directions.cols());
   for (Eigen::Index j = 0; j < directions.cols(); ++j)
@@ -409,7 +416,7 @@ void FrameResiduals::Impl::follow_folds(const Points& x, const MatX& directions)
 
 /// Near an outline the coverage is carried along by the surface: its change is minus its gradient
 /// times the motion of the nearest surface, found by walking uphill.
-void FrameResiduals::Impl::follow_outlines() {
+void FrameComparison::follow_outlines() {
   detail::StripeMotion::Rates rates;
   const int last_row = box_.height() - 1, last_column = box_.width() - 1;
   for (std::size_t i = 0; i < outline_.size(); ++i) {
@@ -439,7 +446,7 @@ void FrameResiduals::Impl::follow_outlines() {
 
 /// The row at a fixed pixel: what the surface carries along, minus the motion of its image past
 /// the pixel.
-void FrameResiduals::Impl::follow_phase(const Points& x, const MatX& directions) {
+void FrameComparison::follow_phase(const Points& x, const MatX& directions) {
   detail::StripeMotion::Rates rates;
   const double to_phase = 2 * std::numbers::pi / period_;
   VecX turn, largest(directions.cols());
@@ -460,7 +467,7 @@ void FrameResiduals::Impl::follow_phase(const Points& x, const MatX& directions)
   }
 }
 
-void FrameResiduals::Impl::differentiate_stripes(const Points& x, const MatX& directions) {
+void FrameComparison::differentiate_stripes(const Points& x, const MatX& directions) {
   motion_.look(x);
   motion_.move(x, directions);
   follow_folds(x, directions);
@@ -468,29 +475,69 @@ void FrameResiduals::Impl::differentiate_stripes(const Points& x, const MatX& di
   follow_phase(x, directions);
 }
 
-FrameLinearization FrameResiduals::Impl::linearize(const FrameFeatures& measured, const Points& x,
-                                                   const MatX& directions) {
+/// Fills the Jacobian and the weighted one.
+FrameCost FrameComparison::differentiate_all(const FrameFeatures& measured, const Points& x,
+                                             const MatX& directions) {
   if (directions.rows() != x.size())
     throw Error(
         fmt::format("residuals: directions have {} rows, must be {}", directions.rows(), x.size()));
-  FrameLinearization result;
-  static_cast<FrameCost&>(result) = look(measured, x);
+  const FrameCost cost = look(measured, x);
   jacobian_.resize(residual_count(), directions.cols());
   if (options_.derivatives == ResidualOptions::Derivatives::analytic)
     differentiate_stripes(x, directions);
   else
     for (Eigen::Index j = 0; j < directions.cols(); ++j) differentiate(x, directions.col(j), j);
-  const Eigen::Map<const VecX> r(residuals_.data(), residual_count());
   const Eigen::Map<const VecX> w(weights_.data(), residual_count());
   weighted_ = 2 * (w.asDiagonal() * jacobian_);
+  return cost;
+}
+
+FrameLinearization FrameComparison::linearize(const FrameFeatures& measured, const Points& x,
+                                              const MatX& directions) {
+  FrameLinearization result;
+  static_cast<FrameCost&>(result) = differentiate_all(measured, x, directions);
+  const Eigen::Map<const VecX> r(residuals_.data(), residual_count());
   result.gradient = weighted_.transpose() * r;
   result.hessian = weighted_.transpose() * jacobian_;
   return result;
 }
 
-FrameResiduals::FrameResiduals(const Rig& rig, const TriangleMesh& mesh,
-                               const RenderOptions& render, const AngleMapOptions& angle_map,
-                               const ResidualOptions& options) {
+std::vector<std::vector<Eigen::Index>> FrameComparison::residuals_by_patch(
+    const PatchGrid& grid) const {
+  std::vector<std::vector<Eigen::Index>> indices(static_cast<std::size_t>(grid.count()));
+  const auto add = [&](int row, int column, std::size_t i) {
+    indices[static_cast<std::size_t>(grid.patch(row, column))].push_back(
+        static_cast<Eigen::Index>(i));
+  };
+  for (std::size_t i = 0; i < pixels_.size(); ++i)
+    add(int(pixels_[i] / width_), int(pixels_[i] % width_), i);
+  for (std::size_t i = 0; i < outline_.size(); ++i)
+    add(box_.y0 + outline_[i].row, box_.x0 + outline_[i].column, pixels_.size() + i);
+  for (std::size_t i = 0; i < edges_.size(); ++i)
+    add(int(edges_[i].sample.y), edges_[i].sample.column, std::size_t(first_phase()) + i);
+  return indices;
+}
+
+PatchLinearization FrameComparison::linearize(const FrameFeatures& measured, const Points& x,
+                                              const MatX& directions, const PatchGrid& grid) {
+  PatchLinearization result;
+  result.whole = differentiate_all(measured, x, directions);
+  const Eigen::Map<const VecX> r(residuals_.data(), residual_count());
+  for (const std::vector<Eigen::Index>& indices : residuals_by_patch(grid)) {
+    const MatX weighted = weighted_(indices, Eigen::all);
+    result.patches.push_back(
+        {weighted.transpose() * r(indices), weighted.transpose() * jacobian_(indices, Eigen::all)});
+  }
+  return result;
+}
+
+struct FrameResiduals::Impl : FrameComparison {
+  using FrameComparison::FrameComparison;
+};
+
+namespace {
+
+void check(const ResidualOptions& options) {
   require(options.alpha >= 0 && std::isfinite(options.alpha), "alpha", options.alpha, "at least 0");
   require(options.fold_weight >= 0 && std::isfinite(options.fold_weight), "fold_weight",
           options.fold_weight, "at least 0");
@@ -506,6 +553,14 @@ FrameResiduals::FrameResiduals(const Rig& rig, const TriangleMesh& mesh,
   require(options.image_step > 0 && options.image_step <= 16, "image_step", options.image_step,
           "above 0 and at most 16 px");
   require(options.largest_turn > 0, "largest_turn", options.largest_turn, "above 0 rad/px");
+}
+
+}  // namespace
+
+FrameResiduals::FrameResiduals(const Rig& rig, const TriangleMesh& mesh,
+                               const RenderOptions& render, const AngleMapOptions& angle_map,
+                               const ResidualOptions& options) {
+  check(options);
   impl_ = std::make_unique<Impl>(rig, mesh, render, angle_map, options);
 }
 FrameResiduals::~FrameResiduals() = default;
@@ -518,6 +573,24 @@ FrameCost FrameResiduals::evaluate(const FrameFeatures& measured, const Points& 
 FrameLinearization FrameResiduals::linearize(const FrameFeatures& measured, const Points& x,
                                              const MatX& directions) {
   return impl_->linearize(measured, x, directions);
+}
+
+int PatchGrid::patch(int row, int column) const {
+  const auto part = [](double at, double from, double to, int count) {
+    return std::clamp(static_cast<int>(std::floor((at - from) / (to - from) * count)), 0,
+                      count - 1);
+  };
+  return part(row + 0.5, top, bottom, rows) * columns + part(column + 0.5, left, right, columns);
+}
+
+PatchLinearization linearize_patches(const Rig& rig, const TriangleMesh& mesh,
+                                     const RenderOptions& render, const AngleMapOptions& angle_map,
+                                     const ResidualOptions& options, const FrameFeatures& measured,
+                                     const Points& x, const MatX& directions,
+                                     const PatchGrid& grid) {
+  check(options);
+  return FrameComparison(rig, mesh, render, angle_map, options)
+      .linearize(measured, x, directions, grid);
 }
 
 }  // namespace weft

@@ -32,6 +32,7 @@ struct ReportParameter {
   /// 90 % interval of the value; an end that the data do not bound is infinite, or 0. Nothing where
   /// it was not computed.
   std::optional<double> interval_lower, interval_upper;
+  std::optional<double> prior_median, prior_factor;  ///< ParameterPrior; both or neither
   bool determined = true;  ///< false: the data do not determine it; its value is no measurement
   Bound at_bound = Bound::none;
 };
@@ -39,10 +40,12 @@ struct ReportParameter {
 /// How sure the estimate is as a whole; intervals stand with their parameters. Matrices have a row
 /// for each name in `parameters`, in search coordinates scaled to the ranges.
 struct ReportCertainty {
-  double confidence = 0.9;              ///< of the intervals
-  int clusters = 0;                     ///< blocks of frames that were left out in turn
-  double condition = 0;                 ///< of the problem; infinity: singular
-  double noise = 0;                     ///< Uncertainty::noise, rad^2
+  double confidence = 0.9;  ///< of the intervals
+  int clusters = 0;  ///< left out in turn: of blocks of frames, of parts of the picture, the fewer
+  double condition = 0;   ///< of the problem; infinity: singular
+  double noise = 0;       ///< Uncertainty::noise, rad^2
+  double dispersion = 0;  ///< Uncertainty::dispersion, in the unit of the error
+  int frames_per_cluster = 1;
   std::vector<std::string> parameters;  ///< the free ones
   MatX correlation;                     ///< NaN where a parameter is not determined or held
   MatX covariance;
@@ -131,6 +134,7 @@ struct Report {
   std::uint64_t seed = 0;
   bool stopped = false;                 ///< ended before its time; the best so far is reported
   double error_initial = 0, error = 0;  ///< that the search minimized
+  std::optional<double> prior_error;    ///< what priors add to it; nothing without priors
   std::string error_meaning;            ///< "per frame and masked pixel, summed over captures"
   std::size_t evaluations = 0;
   std::size_t diverged = 0;  ///< evaluations whose simulation diverged: infinite error
@@ -159,8 +163,8 @@ std::optional<ReportMeans> report_means(const ReportCapture& capture, bool valid
 
 /// What a reader must know before the numbers, most serious first, one sentence or two each:
 /// stopped early, errors that did not fall, parameters that the data do not determine, parameters
-/// at a bound, a condition number above largest_condition, simulations that diverged, guessed starts, validation frames that fit much worse;
-/// then `remarks`.
+/// at a bound, a condition number above largest_condition, simulations that diverged, guessed
+/// starts, validation frames that fit much worse; then `remarks`.
 std::vector<std::string> report_warnings(const Report& report);
 
 }  // namespace weft

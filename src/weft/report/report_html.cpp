@@ -305,11 +305,15 @@ std::string found_section(const Report& report) {
       "the "
       "bars, the dot is the estimate, the tick where the search started, the shade ";
   html += with_intervals ? "the interval." : "the variability.";
+  for (const ReportParameter& p : report.parameters) {
+    if (!p.free || !p.prior_median || !p.prior_factor) continue;
+    html += fmt::format(" Prior of {}: {} within a factor of {} (68 %).", escaped(in_words(p.name)),
+                        escaped(with_unit(*p.prior_median, p.unit)), format_short(*p.prior_factor));
+  }
   if (with_intervals) {
     html +=
-        " The 90 % interval comes from leaving out each frame in turn, to first order: it holds "
-        "the "
-        "noise of the video, not what the model lacks.";
+        " The 90 % interval comes from leaving out blocks of frames, and parts of the picture, in "
+        "turn, to first order: what is wrong in all frames and places alike is not in it.";
   }
   html += "</p></section>\n";
   return html;
@@ -514,13 +518,14 @@ std::string match_section(const Report& report, const std::vector<CapturePicture
 
 std::string condition_text(const ReportCertainty& certainty) {
   return fmt::format(
-      "<p class=\"minor\" id=\"condition\">Condition number of the problem: {}{}. Intervals of {:.0f} "
-      "% from {} blocks of frames.</p>\n",
+      "<p class=\"minor\" id=\"condition\">Condition number of the problem: {}{}. Intervals of "
+      "{:.0f} % from leaving out blocks of {} frames and parts of the picture in turn, at least {} "
+      "of each.</p>\n",
       format_value(certainty.condition, 2),
       certainty.condition > largest_condition
           ? " (above 10¹²: some combination of parameters is not determined)"
           : "",
-      100 * certainty.confidence, certainty.clusters);
+      100 * certainty.confidence, certainty.frames_per_cluster, certainty.clusters);
 }
 
 std::string sure_section(const Report& report, PlotPlacer& place) {

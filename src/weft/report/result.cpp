@@ -91,6 +91,8 @@ Json json_of(const ReportParameter& p) {
   object["at_bound"] = p.at_bound == ReportParameter::Bound::none    ? Json(nullptr)
                        : p.at_bound == ReportParameter::Bound::lower ? Json("lower")
                                                                      : Json("upper");
+  if (p.prior_median && p.prior_factor)
+    object["prior"] = {{"median", *p.prior_median}, {"factor", *p.prior_factor}};
   object["free"] = p.free;
   object["scale"] = kScaleNames[static_cast<std::size_t>(p.scale)];
   object["meaning"] = p.meaning;
@@ -104,6 +106,8 @@ Json json_of(const std::optional<ReportCertainty>& certainty) {
   object["clusters"] = certainty->clusters;
   put(object, "condition", certainty->condition);
   put(object, "noise", certainty->noise);
+  put(object, "dispersion", certainty->dispersion);
+  object["frames_per_cluster"] = certainty->frames_per_cluster;
   object["parameters"] = certainty->parameters;
   put(object, "correlation", row_major(certainty->correlation));
   put(object, "covariance", row_major(certainty->covariance));
@@ -377,6 +381,10 @@ ReportParameter parameter_from(const std::string& name, const Reader& in) {
     p.at_bound = in.is("at_bound", "lower", "upper") ? ReportParameter::Bound::lower
                                                      : ReportParameter::Bound::upper;
   }
+  if (in.has("prior")) {
+    in.object("prior").get("median", p.prior_median);
+    in.object("prior").get("factor", p.prior_factor);
+  }
   in.get("free", p.free);
   std::string scale;
   in.get("scale", scale);
@@ -393,6 +401,8 @@ ReportCertainty certainty_from(const Reader& in) {
   in.get("clusters", certainty.clusters);
   in.get("condition", certainty.condition);
   in.get("noise", certainty.noise);
+  in.get("dispersion", certainty.dispersion);
+  in.get("frames_per_cluster", certainty.frames_per_cluster);
   in.get("parameters", certainty.parameters);
   const std::size_t n = certainty.parameters.size();
   in.get("correlation", certainty.correlation, n, n);
@@ -543,6 +553,7 @@ std::string result_to_json(const Report& report) {
   json["model"] = report.model;
   put(json, "error_initial", report.error_initial);
   put(json, "error", report.error);
+  if (report.prior_error) put(json, "prior_error", *report.prior_error);
   json["error_meaning"] = report.error_meaning;
   json["evaluations"] = report.evaluations;
   json["diverged"] = report.diverged;
@@ -582,6 +593,7 @@ Report result_from_json(std::string_view text, const std::filesystem::path& name
   in.get("model", report.model);
   in.get("error_initial", report.error_initial);
   in.get("error", report.error);
+  if (in.has("prior_error")) in.get("prior_error", report.prior_error);
   in.get("error_meaning", report.error_meaning);
   in.get("evaluations", report.evaluations);
   in.get("diverged", report.diverged);

@@ -1,0 +1,269 @@
+#include "weft/estimate/suggest.h"
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "commands.h"
+#include "options.h"
+#include "weft/base/error.h"
+#include "weft/base/interrupt.h"
+#include "weft/estimate/synthetic.h"
+#include "weft/fabric/prior.h"
+#include "weft/report/plot.h"
+#include "weft/report/result.h"
+
+namespace weft::app {
+namespace {
+
+struct Arguments {
+  std::string known;
+  std::string like;
+  std::string candidates;
+  std::vector<std::string> parameters;
+  std::vector<std::string> axes{"across"};
+  CandidateFamily family;
+  double areal_density = LayoutOptions().areal_density;
+  double noise = 0;
+  int grid = 25;
+  int threads = 0;
+  bool json = false;
+  std::string out;
+};
+
+struct Known {
+  Fabric fabric;
+  std::vector<ParameterPrior> priors;
+  MatX information;  ///< empty: none
+  double noise = 0;  ///< of a sample of several frames as SuggestOptions::noise; 0: not known
+  int frames_per_sample = SuggestOptions().frames_per_sample;
+};
+
+/// A preset, a fabric.toml, or the folder of a fit.
+Known read_known(const std::string& name) {
+  Known known;
+  const std::filesystem::path folder = name;
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(folder, ignored)) {
+    known.fabric = find_fabric(name);
+    known.priors = find_priors(name);
+    return known;
+  }
+  known.fabric = read_fabric(folder / "fabric.toml");
+  const std::filesystem::path file = folder / "result.json";
+  const Report report = read_result(file);
+  if (!report.certainty)
+    throw Error(
+        fmt::format("{}: certainty: is missing; a fit that ended writes it", file.string()));
+  const ReportCertainty& certainty = *report.certainty;
+  const auto n = known.fabric.values.size();
+  known.information = MatX::Zero(n, n);
+  std::vector<Eigen::Index> at;
+  for (const std::string& parameter : certainty.parameters)
+    at.push_back(parameter_index(known.fabric.model, parameter));
+  known.information(at, at) = certainty.information;
+  // The information of a fit is the sum of its frames' matrices over the noise of a cluster, that
+  // of a sample the mean.
+  known.frames_per_sample = certainty.frames_per_cluster;
+  if (std::isfinite(certainty.noise)) known.noise = certainty.noise / certainty.frames_per_cluster;
+  for (const ReportParameter& p : report.parameters)
+    if (p.prior_median && p.prior_factor)
+      known.priors.push_back({p.name, *p.prior_median, *p.prior_factor});
+  return known;
+}
+
+MatX known_information(const Known& known) {
+  const auto n = known.fabric.values.size();
+  MatX information = known.information.size() > 0 ? known.information : MatX(MatX::Zero(n, n));
+  for (const ParameterPrior& prior : known.priors) {
+    const int i = parameter_index(known.fabric.model, prior.parameter);
+    const double deviation = scaled_prior(known.fabric.info(i), prior).deviation;
+    information(i, i) += 1 / (deviation * deviation);
+  }
+  return information;
+}
+
+Capture rig_of(const Arguments& arguments, const Fabric& fabric) {
+  if (!arguments.like.empty()) return read_capture(arguments.like);
+  LayoutOptions layout;
+  layout.areal_density = fabric.areal_density.value_or(arguments.areal_density);
+  return make_layout(layout);
+}
+
+nlohmann::json json_of(const std::vector<Suggestion>& suggestions, const Arguments& arguments) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (std::size_t k = 0; k < suggestions.size(); ++k) {
+    const Suggestion& s = suggestions[k];
+    nlohmann::ordered_json parameters;
+    for (const ExpectedInterval& p : s.parameters)
+      parameters[p.name] = {{"value", p.value},
+                            {"unit", p.unit},
+                            {"half_width_before", p.before},
+                            {"half_width", p.after},
+                            {"interval_lower", p.lower},
+                            {"interval_upper", p.upper}};
+    nlohmann::ordered_json experiment = {{"rank", k + 1},
+                                         {"name", s.experiment.name},
+                                         {"separation", s.experiment.separation},
+                                         {"axis", name_of(s.experiment.axis)},
+                                         {"amplitude", s.experiment.amplitude},
+                                         {"frequency", s.experiment.frequency},
+                                         {"frames", s.experiment.frames},
+                                         {"remaining", s.remaining},
+                                         {"parameters", parameters}};
+    if (!s.failure.empty()) experiment["failure"] = s.failure;
+    list.push_back(experiment);
+  }
+  return {{"format", "weft-suggestions"},
+          {"version", 1},
+          {"fabric", arguments.known},
+          {"targets", arguments.parameters},
+          {"experiments", list}};
+}
+
+bool is_target(const Arguments& arguments, const std::string& name) {
+  const auto& names = arguments.parameters;
+  return names.empty() || std::find(names.begin(), names.end(), name) != names.end();
+}
+
+void print_table(const std::vector<Suggestion>& suggestions, const Arguments& arguments) {
+  fmt::print(
+      "Width of the 90 % intervals that is left: of all named (geometric mean), and of each, with\n"
+      "the half width expected after the experiment in the scale of the search (1: the range)\n\n");
+  std::size_t width = 10;
+  for (const Suggestion& s : suggestions) width = std::max(width, s.experiment.name.size());
+  fmt::print("{:>4}  {:<{}} {:>6}", "rank", "experiment", width, "all");
+  for (const ExpectedInterval& p : suggestions.front().parameters)
+    if (is_target(arguments, p.name)) fmt::print("  {:>18}", p.name);
+  fmt::print("\n");
+  for (std::size_t k = 0; k < suggestions.size(); ++k) {
+    const Suggestion& s = suggestions[k];
+    fmt::print("{:>4}  {:<{}} {:>5.1f}%", k + 1, s.experiment.name, width, 100 * s.remaining);
+    for (const ExpectedInterval& p : s.parameters)
+      if (is_target(arguments, p.name))
+        fmt::print("  {:>6.1f}% (± {:>6.4f})", 100 * p.after / p.before, p.after);
+    fmt::print("{}\n", s.failure.empty() ? "" : "  not simulated: " + s.failure);
+  }
+}
+
+BarChart chart_of(const std::vector<Suggestion>& suggestions) {
+  BarChart chart;
+  chart.title = "Expected width of the intervals after an experiment";
+  chart.value.label = "of the width before";
+  chart.value.unit = "%";
+  for (const Suggestion& s : suggestions)
+    chart.bars.push_back({s.experiment.name, 100 * s.remaining, "", chart.bars.empty()});
+  return chart;
+}
+
+void run(Arguments& arguments) {
+  const InterruptGuard guard;
+  const Known known = read_known(arguments.known);
+  check_parameters("--parameters", known.fabric.model, arguments.parameters);
+  const Capture rig = rig_of(arguments, known.fabric);
+  for (const std::string& axis : arguments.axes)
+    arguments.family.axes.push_back(axis == "along" ? CandidateExperiment::Axis::along
+                                    : axis == "up"  ? CandidateExperiment::Axis::up
+                                                    : CandidateExperiment::Axis::across);
+  const std::vector<CandidateExperiment> candidates = arguments.candidates.empty()
+                                                          ? make_candidates(arguments.family)
+                                                          : read_candidates(arguments.candidates);
+  if (!arguments.out.empty()) prepare_output_folder(arguments.out, {}, Existing::overwrite);
+  SuggestOptions options;
+  options.trial.columns = options.trial.rows = arguments.grid;
+  options.targets = arguments.parameters;
+  options.known = known_information(known);
+  options.noise = arguments.noise > 0 ? arguments.noise : known.noise;
+  options.frames_per_sample = known.frames_per_sample;
+  options.threads = arguments.threads;
+  const std::vector<Suggestion> suggestions =
+      suggest_experiments(rig, known.fabric, candidates, options, progress_observer("experiments"));
+  const std::string json = json_of(suggestions, arguments).dump(1) + "\n";
+  if (arguments.json)
+    fmt::print("{}", json);
+  else
+    print_table(suggestions, arguments);
+  if (arguments.out.empty()) return;
+  const std::filesystem::path out = arguments.out;
+  write_text(out / "suggestions.json", json);
+  write_plot(out / "suggestions.svg", chart_of(suggestions));
+}
+
+}  // namespace
+
+void add_suggest(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "suggest",
+      "which experiment next: ranked by how much it is expected to shrink the intervals");
+  auto arguments = std::make_shared<Arguments>();
+  arguments->family.axes.clear();
+  command
+      ->add_option("known", arguments->known,
+                   "the fabric as known so far: preset, fabric.toml, or the folder of a fit, whose "
+                   "information and noise level then count")
+      ->required();
+  command->add_option("--parameters", arguments->parameters,
+                      "whose intervals shall shrink (default: all of the model)");
+  command->add_option("--like", arguments->like,
+                      "capture with the rig, swatch and two clips to use (default: a rig of its "
+                      "own)");
+  command
+      ->add_option("--areal-density", arguments->areal_density,
+                   "kg/m^2, without --like, of a fabric whose file does not say it")
+      ->check(number_in(1e-3, 10))
+      ->capture_default_str();
+  command->add_option("--candidates", arguments->candidates,
+                      "file of experiments (docs/formats.md); otherwise all combinations of:");
+  command
+      ->add_option("--separations", arguments->family.separations,
+                   "of the clips, of their distance on the swatch")
+      ->check(number_in(0.1, 1))
+      ->capture_default_str();
+  command
+      ->add_option("--amplitudes", arguments->family.amplitudes,
+                   "m, of the second clip; 0: hanging still")
+      ->check(number_in(0, 1))
+      ->capture_default_str();
+  command->add_option("--frequencies", arguments->family.frequencies, "Hz")
+      ->check(number_in(0.01, 20))
+      ->capture_default_str();
+  command
+      ->add_option("--axes", arguments->axes,
+                   "across (the line of the clips, horizontal), along, up")
+      ->check(CLI::IsMember({"across", "along", "up"}))
+      ->capture_default_str();
+  command->add_option("--frames", arguments->family.frames, "length of each")
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
+  command
+      ->add_option("--noise", arguments->noise,
+                   "rad^2, of a frame: twice the variance of a pixel's residual times the pixels "
+                   "that count as one (default: the fit's, or residuals of 0.1 rad in patches a "
+                   "sixteenth of the image wide)")
+      ->check(number_in(1e-12, 1e12));
+  command->add_option("--grid", arguments->grid, "vertices along each side of the swatch")
+      ->check(CLI::Range(3, 401))
+      ->capture_default_str();
+  command->add_option("--threads", arguments->threads, "0: all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command->add_flag("--json", arguments->json, "print JSON instead of a table");
+  command->add_option("--out", arguments->out, "folder for suggestions.json and suggestions.svg");
+  command->footer(
+      "Example:\n  weft suggest out/cotton --parameters bend_stiffness shear_stiffness "
+      "--amplitudes 0 0.05 --frequencies 1 2");
+  command->callback([arguments, command] {
+    for (const char* name :
+         {"--separations", "--amplitudes", "--frequencies", "--axes", "--frames"}) {
+      if (!arguments->candidates.empty() && command->count(name) > 0)
+        throw Error(fmt::format("{}: not with --candidates", name));
+    }
+    run(*arguments);
+  });
+}
+
+}  // namespace weft::app

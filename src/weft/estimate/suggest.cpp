@@ -1,0 +1,272 @@
+#include "weft/estimate/suggest.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "weft/base/error.h"
+#include "weft/base/toml_reader.h"
+#include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/synthetic.h"
+#include "weft/estimate/uncertainty.h"
+
+namespace weft {
+namespace {
+
+using Axis = CandidateExperiment::Axis;
+
+constexpr Range kSeparation{0.1, 1}, kAmplitude{0, 1}, kFrequency{0.01, 20};
+constexpr int kMostFrames = 10000;
+/// Of the line between the clips, as captures are checked.
+constexpr double kLargestStretch = 1.1;
+/// 1 / variance of a uniform distribution over a range of length 1.
+constexpr double kRangeInformation = 12;
+constexpr double kDefaultResidual = 0.1;       // rad
+constexpr double kDefaultPatch = 1.0 / 16;     // of the image's width
+constexpr double kManyDegreesOfFreedom = 1e9;  // the normal distribution
+
+constexpr std::string_view kAxisNames[] = {"across", "along", "up"};
+
+std::string words_of(const CandidateExperiment& e) {
+  if (e.amplitude == 0)
+    return fmt::format("still, clips {:g} apart, {} frames", e.separation, e.frames);
+  return fmt::format("{} {:g} m at {:g} Hz, clips {:g} apart, {} frames", name_of(e.axis),
+                     e.amplitude, e.frequency, e.separation, e.frames);
+}
+
+void check(const CandidateExperiment& e) {
+  const auto require = [&](double value, Range valid, const char* key) {
+    if (!(value >= valid.lower && value <= valid.upper))
+      throw Error(fmt::format("experiment \"{}\": {} = {:g}, valid: {:g} to {:g}", e.name, key,
+                              value, valid.lower, valid.upper));
+  };
+  require(e.separation, kSeparation, "separation");
+  require(e.amplitude, kAmplitude, "amplitude");
+  require(e.frequency, kFrequency, "frequency");
+  require(e.frames, {1, kMostFrames}, "frames");
+}
+
+/// Along `direction`, m.
+Motion oscillation(const Vec3& rest, const Vec3& direction, const CandidateExperiment& e,
+                   double frame_rate) {
+  const int per_frame = 4, count = per_frame * (e.frames - 1) + 2;
+  std::vector<double> times;
+  Points positions(3, count);
+  for (int i = 0; i < count; ++i) {
+    const double time = i / (per_frame * frame_rate);
+    const double phase = 2 * std::numbers::pi * e.frequency * time;
+    const double ramp = std::min(1.0, phase / std::numbers::pi);
+    times.push_back(time);
+    positions.col(i) =
+        rest + e.amplitude * ramp * ramp * (3 - 2 * ramp) * std::sin(phase) * direction;
+  }
+  return Motion(std::move(times), std::move(positions));
+}
+
+Vec3 unit_axis(Axis axis, const Vec3& line, const Vec3& gravity) {
+  if (axis == Axis::along) return line;
+  const Vec3 up = -gravity.normalized();
+  return axis == Axis::up ? up : Vec3(up.cross(line).normalized());
+}
+
+class Suggester {
+ public:
+  Suggester(const Capture& like, const Fabric& fabric, const SuggestOptions& options)
+      : like_(like), fabric_(fabric), options_(options) {
+    for (const ParameterInfo& p : model_parameters(fabric.model)) names_.emplace_back(p.name);
+    const auto n = static_cast<Eigen::Index>(names_.size());
+    known_ = kRangeInformation * MatX::Identity(n, n);
+    if (options.known.size() > 0) {
+      if (options.known.rows() != n || options.known.cols() != n)
+        throw Error("suggest: the known information must have a row for each parameter");
+      known_ += options.known;
+    }
+    for (const std::string& name : options.targets) parameter_index(fabric.model, name);  // throws
+    if (!(options.noise >= 0)) throw Error("suggest: noise must not be negative");
+    if (options.frames_per_sample < 1) throw Error("suggest: frames_per_sample must be at least 1");
+    if (!(options.confidence > 0 && options.confidence < 1))
+      throw Error(fmt::format("confidence is {:g}, must be in (0, 1)", options.confidence));
+    quantile_ = student_quantile(0.5 + 0.5 * options.confidence, kManyDegreesOfFreedom);
+  }
+
+  Suggestion suggest(const CandidateExperiment& experiment) const {
+    Suggestion result;
+    result.experiment = experiment;
+    if (result.experiment.name.empty()) result.experiment.name = words_of(experiment);
+    const Capture capture = experiment_capture(like_, experiment);
+    result.information = MatX::Zero(known_.rows(), known_.cols());
+    try {
+      result.information = information(capture, experiment);
+    } catch (const Error& error) {
+      result.failure = error.what();
+    }
+    expect(result);
+    return result;
+  }
+
+ private:
+  MatX information(const Capture& capture, const CandidateExperiment& experiment) const {
+    SyntheticOptions truth;
+    truth.columns = options_.trial.columns;
+    truth.rows = options_.trial.rows;
+    truth.pattern = GridPattern::alternating;
+    truth.simulation = options_.trial.simulation;
+    truth.render = options_.trial.render;
+    truth.with_noise = false;
+    truth.threads = options_.threads;
+    const auto trial = simulate_trial(capture, fabric_, options_.trial, truth);
+    const Problem problem({trial}, fabric_, names_);
+    LinearizationOptions how;
+    how.threads = options_.threads;
+    const ProblemLinearization found = linearize(problem, problem.scaled(fabric_), how);
+    if (found.evaluation.diverged) throw Error("the simulation diverged");
+    const double noise = options_.noise > 0 ? options_.noise : default_noise(capture);
+    const int frames = static_cast<int>(found.parts.size());
+    const int together = experiment.amplitude == 0 ? frames : options_.frames_per_sample;
+    MatX sum = MatX::Zero(known_.rows(), known_.cols());
+    for (const CostPart& part : found.parts) {
+      const int sample = part.frame / together;
+      const int length = std::min(together, frames - sample * together);
+      // A last sample that is shorter counts by its share.
+      const double share = experiment.amplitude == 0 ? 1 : double(length) / together;
+      sum += share / length / (noise * part.factor) * part.hessian;
+    }
+    return sum;
+  }
+
+  static double default_noise(const Capture& capture) {
+    const double patch = kDefaultPatch * capture.rig.width;
+    return 2 * kDefaultResidual * kDefaultResidual * patch * patch;
+  }
+
+  VecX half_widths(const MatX& information) const {
+    const MatX inverse = information.llt().solve(MatX::Identity(known_.rows(), known_.cols()));
+    return quantile_ * inverse.diagonal().cwiseSqrt();
+  }
+
+  void expect(Suggestion& result) const {
+    const VecX before = half_widths(known_), after = half_widths(known_ + result.information);
+    double sum = 0;
+    int targets = 0;
+    for (Eigen::Index i = 0; i < before.size(); ++i) {
+      const ParameterInfo info = fabric_.info(static_cast<int>(i));
+      const double value = fabric_.values[i], scaled = to_scaled(info, value);
+      ExpectedInterval p{std::string(info.name), std::string(info.unit), value, before[i],
+                         after[i]};
+      p.lower = std::max(0.0, from_scaled(info, scaled - after[i]));
+      p.upper = from_scaled(info, scaled + after[i]);
+      result.parameters.push_back(p);
+      const auto& names = options_.targets;
+      if (!names.empty() && std::find(names.begin(), names.end(), p.name) == names.end()) continue;
+      sum += std::log(after[i] / before[i]);
+      ++targets;
+    }
+    result.remaining = result.failure.empty() ? std::exp(sum / targets) : 1;
+  }
+
+  const Capture& like_;
+  const Fabric& fabric_;
+  const SuggestOptions& options_;
+  std::vector<std::string> names_;
+  MatX known_;
+  double quantile_ = 0;
+};
+
+}  // namespace
+
+std::string_view name_of(Axis axis) { return kAxisNames[static_cast<std::size_t>(axis)]; }
+
+std::vector<CandidateExperiment> make_candidates(const CandidateFamily& family) {
+  std::vector<CandidateExperiment> candidates;
+  for (const int frames : family.frames) {
+    for (const double separation : family.separations) {
+      for (const double amplitude : family.amplitudes) {
+        if (amplitude == 0) {
+          candidates.push_back({"", separation, Axis::across, 0, 1, frames});
+          continue;
+        }
+        for (const double frequency : family.frequencies)
+          for (const Axis axis : family.axes)
+            candidates.push_back({"", separation, axis, amplitude, frequency, frames});
+      }
+    }
+  }
+  for (CandidateExperiment& candidate : candidates) candidate.name = words_of(candidate);
+  return candidates;
+}
+
+std::vector<CandidateExperiment> read_candidates(const std::filesystem::path& path) {
+  const TomlTable file = TomlTable::parse_file(path);
+  file.choice("format", {"weft-experiments"});
+  file.integer("version", 1, 1);
+  std::vector<CandidateExperiment> candidates;
+  for (const TomlTable& table : file.tables("experiment")) {
+    CandidateExperiment e;
+    e.separation = table.number("separation", kSeparation);
+    e.amplitude = table.number("amplitude", kAmplitude);
+    e.frequency = table.optional_number("frequency", kFrequency).value_or(e.frequency);
+    e.frames = table.optional_integer("frames", 1, kMostFrames).value_or(e.frames);
+    const std::string axis =
+        table.optional_choice("axis", {"across", "along", "up"}).value_or("across");
+    e.axis = axis == "along" ? Axis::along : axis == "up" ? Axis::up : Axis::across;
+    e.name = table.optional_string("name").value_or(words_of(e));
+    table.finish();
+    candidates.push_back(e);
+  }
+  file.finish();
+  if (candidates.empty()) throw error_at(file.where("experiment"), "there is no [[experiment]]");
+  return candidates;
+}
+
+Capture experiment_capture(const Capture& like, const CandidateExperiment& experiment) {
+  check(experiment);
+  if (like.fixtures.size() != 2)
+    throw Error(fmt::format("{}: has {} fixtures; experiments are made with two clips", like.name,
+                            like.fixtures.size()));
+  const Vec3 left = like.fixtures[0].motion.position(0),
+             right = like.fixtures[1].motion.position(0);
+  const Vec3 line = (right - left).normalized(), middle = 0.5 * (left + right);
+  const double length = (like.fixtures[1].at - like.fixtures[0].at).norm();
+  const double apart = experiment.separation * length;
+  const double reach = experiment.axis == Axis::along ? apart + experiment.amplitude
+                                                      : std::hypot(apart, experiment.amplitude);
+  if (reach > kLargestStretch * length)
+    throw Error(fmt::format(
+        "experiment \"{}\": the clips would come {:.3g} m apart, the swatch is {:.3g} m between "
+        "them; less separation or amplitude is needed",
+        experiment.name, reach, length));
+  Capture capture = like;
+  capture.name = experiment.name;
+  capture.frame_count = experiment.frames;
+  capture.fit_first = 0;
+  capture.fit_last = experiment.frames - 1;
+  capture.truth.reset();
+  capture.video.clear();
+  capture.fixtures[0].motion = Motion::fixed(middle - 0.5 * apart * line);
+  capture.fixtures[1].motion =
+      oscillation(middle + 0.5 * apart * line, unit_axis(experiment.axis, line, like.gravity),
+                  experiment, like.frame_rate);
+  return capture;
+}
+
+std::vector<Suggestion> suggest_experiments(const Capture& like, const Fabric& fabric,
+                                            const std::vector<CandidateExperiment>& candidates,
+                                            const SuggestOptions& options,
+                                            const SuggestObserver& observer) {
+  const Suggester suggester(like, fabric, options);
+  for (const CandidateExperiment& candidate : candidates) experiment_capture(like, candidate);
+  std::vector<Suggestion> suggestions;
+  for (const CandidateExperiment& candidate : candidates) {
+    suggestions.push_back(suggester.suggest(candidate));
+    if (observer && !observer(suggestions.size(), candidates.size())) break;
+  }
+  std::stable_sort(
+      suggestions.begin(), suggestions.end(),
+      [](const Suggestion& a, const Suggestion& b) { return a.remaining < b.remaining; });
+  return suggestions;
+}
+
+}  // namespace weft
