@@ -75,7 +75,7 @@ inline void expect_parameter_derivative(ElasticModel& model, const Points& x) {
     model.set_parameters(values);
     Points g;
     model.gradient(x, g);
-    const double floor = 1e-5 * g.cwiseAbs().maxCoeff() / values[p];
+    const double floor = 1e-5 * g.cwiseAbs().maxCoeff() / std::abs(values[p]);
     EXPECT_TRUE(near(derivative.col(p), numeric, kTolerance, floor)) << "parameter " << p;
   }
 }
@@ -89,11 +89,12 @@ inline void expect_elastic_model(const TriangleMesh& mesh, const Fabric& fabric,
   const VecX rest = vector(flat_positions(mesh));
   const double scale = energy.gradient(1.01 * rest).lpNorm<Eigen::Infinity>();
   EXPECT_LT(energy.gradient(rest).lpNorm<Eigen::Infinity>(), 1e-12 * scale);
-  EXPECT_LT(energy.value(rest), 1e-20 * energy.value(1.01 * rest));
+  EXPECT_LT(energy.value(rest), 1e-12 * energy.value(1.01 * rest));
   bool indefinite = false;
   for (const Points& x : states(mesh, size)) {
-    expect_gradient(energy, vector(x), 1e-3 * size);
-    expect_hessian(energy, vector(x), 1e-3 * size);
+    // Steps so small that hardly one straddles a knot, where second derivatives have a kink.
+    expect_gradient(energy, vector(x), 2e-5 * size);
+    expect_hessian(energy, vector(x), 2e-5 * size);
     expect_rigid_invariance(energy, vector(x));
     const MatX projected = energy.projected_hessian(vector(x));
     expect_positive_semidefinite(projected);

@@ -442,9 +442,7 @@ ClothModel::ClothModel(ClothModel&&) noexcept = default;
 ClothModel& ClothModel::operator=(ClothModel&&) noexcept = default;
 
 void ClothModel::set_fabric(const Fabric& fabric) {
-  if (fabric.model != "baraff-witkin")
-    throw Error(fmt::format("fabric \"{}\" is of model \"{}\"; \"baraff-witkin\" is needed",
-                            fabric.name, fabric.model));
+  require_model(fabric, "baraff-witkin");
   validate(fabric);
   impl_->coefficients = Coefficients::from(fabric.values);
   impl_->values = fabric.values;

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -169,14 +170,25 @@ void find_slots(const BlockPattern& pattern, const std::array<int, kVertices>& v
     slots[k] = pattern.slot(vertices[kPairs[k][0]], vertices[kPairs[k][1]]);
 }
 
-/// The stiffness against the rim's angles, inverted on the span of their directions; `rim` projects
+/// `stiffness` against the rim's angles, inverted on the span of their directions; `rim` projects
 /// onto it.
 Mat3 rim_compliance(const Mat3& stiffness, const Mat3& rim) {
-  const Mat3 c = positive_part(stiffness);
-  const double size = c.trace() + std::numeric_limits<double>::min();
+  const double size = stiffness.norm() + std::numeric_limits<double>::min();
   const Mat3 h =
-      rim * (c + 1e-14 * size * Mat3::Identity()) * rim + size * (Mat3::Identity() - rim);
+      rim * (stiffness + 1e-14 * size * Mat3::Identity()) * rim + size * (Mat3::Identity() - rim);
   return Eigen::LDLT<Mat3>(h).solve(rim);
+}
+
+/// Whether the fabric has friction in a component of strain or curvature.
+bool has_friction(const Fabric& fabric, int component) {
+  constexpr std::array<const char*, 6> kNames = {"weft_stretch_friction", "warp_stretch_friction",
+                                                 "shear_friction",        "weft_bend_friction",
+                                                 "warp_bend_friction",    "diagonal_bend_friction"};
+  const auto infos = model_parameters(fabric.model);
+  const std::string_view name = kNames[static_cast<std::size_t>(component)];
+  return std::any_of(infos.begin(), infos.end(),
+                     [&](const ParameterInfo& info) { return info.name == name; }) &&
+         fabric.value_count(name) > 0;
 }
 
 /// Projects onto the span of `directions`.
@@ -223,6 +235,9 @@ SheetModel::SheetModel(const TriangleMesh& mesh, const Fabric& fabric, double gr
     find_slots(pattern_, plate.vertices, plate.slots);
     plates_.push_back(plate);
   }
+  for (int i = 0; i < kComponents; ++i)
+    if (has_friction(fabric, i)) rubbing_.push_back(i);
+  if (!rubbing_.empty()) history_ = VecX::Zero(kHistory * mesh.triangle_count());
   set_parameters(fabric.values);
 }
 
@@ -232,7 +247,13 @@ void SheetModel::set_parameters(const VecX& values) {
   validate(changed);
   fabric_.values = values;
   membrane_->set_parameters(values.head(membrane_->parameter_count()));
-  bending_->set_parameters(values.tail(bending_->parameter_count()));
+  bending_->set_parameters(
+      values.segment(membrane_->parameter_count(), bending_->parameter_count()));
+  int next = membrane_->parameter_count() + bending_->parameter_count();
+  for (const int i : rubbing_) {
+    friction_[static_cast<std::size_t>(i)] = {values[next], values[next + 1]};
+    next += 2;
+  }
 }
 
 SheetModel::Bent SheetModel::bend(const Plate& plate, const Vec3& curvature) const {
@@ -245,7 +266,7 @@ SheetModel::Bent SheetModel::bend(const Plate& plate, const Vec3& curvature) con
   for (int step = 0; step < kMostSteps; ++step) {
     const Vec3 residual = plate.rim * r.stress;
     if (!(residual.norm() > 1e-13 * scale)) break;
-    Vec3 change = -(rim_compliance(r.stiffness, plate.rim) * residual);
+    Vec3 change = -(rim_compliance(positive_part(r.stiffness), plate.rim) * residual);
     SheetResponse next = bending_->respond(bent.strain + change);
     for (int halving = 0; next.energy > r.energy && halving < kMostSteps; ++halving) {
       change *= 0.5;
@@ -262,27 +283,63 @@ SheetModel::Bent SheetModel::bend(const Plate& plate, const Vec3& curvature) con
   return bent;
 }
 
+FrictionResponse SheetModel::rub(std::size_t t, int i, double strain) const {
+  const Eigen::Index first = kHistory * static_cast<Eigen::Index>(t);
+  return detail::respond(friction_[static_cast<std::size_t>(i)], strain, history_[first + i],
+                         history_[first + kComponents + i]);
+}
+
+SheetResponse SheetModel::membrane(std::size_t t, const Vec3& strain) const {
+  SheetResponse out = membrane_->respond(strain);
+  for (const int i : rubbing_) {
+    if (i >= 3) break;
+    const FrictionResponse r = rub(t, i, strain[i]);
+    out.energy += r.energy;
+    out.stress[i] += r.stress;
+    out.stiffness(i, i) += r.tangent;
+  }
+  return out;
+}
+
+SheetModel::Bent SheetModel::bend(std::size_t t, const Vec3& curvature) const {
+  const Plate& plate = plates_[t];
+  Bent out = bend(plate, curvature);
+  if (rubbing_.empty() || rubbing_.back() < 3) return out;
+  const Mat3 kept = Mat3::Identity() - plate.rim;
+  const Vec3 rubbed = kept * curvature;
+  Vec3 stress = Vec3::Zero(), tangent = Vec3::Zero();
+  for (const int i : rubbing_) {
+    if (i < 3) continue;
+    const FrictionResponse r = rub(t, i, rubbed[i - 3]);
+    out.response.energy += r.energy;
+    stress[i - 3] = r.stress;
+    tangent[i - 3] = r.tangent;
+  }
+  out.response.stress += kept * stress;
+  out.response.stiffness += kept * tangent.asDiagonal() * kept;
+  return out;
+}
+
 double SheetModel::energy(const Points& x) const {
   double sum = 0;
-  for (const Triangle& t : triangles_)
-    sum +=
-        t.shape.area * membrane_->respond(green_strain(deformation(t.shape, t.vertices, x))).energy;
-  for (const Plate& plate : plates_) {
-    const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
-    sum += plate.area * bend(plate, vector(c.value)).response.energy;
+  for (std::size_t t = 0; t < triangles_.size(); ++t)
+    sum += triangles_[t].shape.area * membrane(t, membrane_strain(t, x)).energy;
+  for (std::size_t t = 0; t < plates_.size(); ++t) {
+    const auto c = triangle_curvature(plates_[t].map, positions(plates_[t].vertices, x));
+    sum += plates_[t].area * bend(t, vector(c.value)).response.energy;
   }
   return sum;
 }
 
 void SheetModel::gradient(const Points& x, Points& gradient) const {
   gradient.setZero(3, mesh_.vertex_count());
-  for (const Triangle& t : triangles_) {
-    const Mat32 w = deformation(t.shape, t.vertices, x);
-    add_gradient(t, w * stress_matrix(membrane_->respond(green_strain(w)).stress), gradient);
+  for (std::size_t t = 0; t < triangles_.size(); ++t) {
+    const Mat32 w = deformation(triangles_[t].shape, triangles_[t].vertices, x);
+    add_gradient(triangles_[t], w * stress_matrix(membrane(t, green_strain(w)).stress), gradient);
   }
-  for (const Plate& plate : plates_) {
-    const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
-    add_gradient(plate, c, bend(plate, vector(c.value)).response.stress, gradient);
+  for (std::size_t t = 0; t < plates_.size(); ++t) {
+    const auto c = triangle_curvature(plates_[t].map, positions(plates_[t].vertices, x));
+    add_gradient(plates_[t], c, bend(t, vector(c.value)).response.stress, gradient);
   }
 }
 
@@ -290,8 +347,10 @@ void SheetModel::hessian(const Points& x, HessianKind kind, Points& gradient,
                          SparseMatrix& hessian) const {
   assert(hessian.nonZeros() == pattern_.matrix().nonZeros());
   gradient.setZero(3, mesh_.vertex_count());
-  for (const Triangle& t : triangles_) add_hessian(t, x, kind, gradient, hessian.valuePtr());
-  for (const Plate& plate : plates_) add_hessian(plate, x, kind, gradient, hessian.valuePtr());
+  for (std::size_t t = 0; t < triangles_.size(); ++t)
+    add_membrane(t, x, kind, gradient, hessian.valuePtr());
+  for (std::size_t t = 0; t < plates_.size(); ++t)
+    add_bending(t, x, kind, gradient, hessian.valuePtr());
 }
 
 void SheetModel::add_gradient(const Triangle& t, const Mat32& by_deformation,
@@ -310,10 +369,11 @@ void SheetModel::add_gradient(const Plate& plate, const TriangleCurvature<double
   for (std::size_t i = 0; i < 6; ++i) gradient.col(plate.vertices[i]) += to_eigen(g[i]);
 }
 
-void SheetModel::add_hessian(const Triangle& t, const Points& x, HessianKind kind, Points& gradient,
-                             double* values) const {
+void SheetModel::add_membrane(std::size_t index, const Points& x, HessianKind kind,
+                              Points& gradient, double* values) const {
+  const Triangle& t = triangles_[index];
   const Mat32 w = deformation(t.shape, t.vertices, x);
-  const SheetResponse r = membrane_->respond(green_strain(w));
+  const SheetResponse r = membrane(index, green_strain(w));
   add_gradient(t, w * stress_matrix(r.stress), gradient);
   const Mat6 h = t.shape.area * membrane_hessian(w, r, kind);
   const auto du = t.shape.du(), dv = t.shape.dv();
@@ -326,10 +386,11 @@ void SheetModel::add_hessian(const Triangle& t, const Points& x, HessianKind kin
   add_blocks(pattern_, t.vertices, t.slots, blocks, values);
 }
 
-void SheetModel::add_hessian(const Plate& plate, const Points& x, HessianKind kind,
-                             Points& gradient, double* values) const {
+void SheetModel::add_bending(std::size_t t, const Points& x, HessianKind kind, Points& gradient,
+                             double* values) const {
+  const Plate& plate = plates_[t];
   const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
-  const Bent bent = bend(plate, vector(c.value));
+  const Bent bent = bend(t, vector(c.value));
   const SheetResponse& r = bent.response;
   add_gradient(plate, c, r.stress, gradient);
   const Mat18x3 jacobian = curvature_jacobian(plate.map, c);
@@ -342,7 +403,7 @@ void SheetModel::add_hessian(const Plate& plate, const Points& x, HessianKind ki
 
 void SheetModel::parameter_derivative(const Points& x, MatX& derivative) const {
   const int of_membrane = membrane_->parameter_count(), of_bending = bending_->parameter_count();
-  derivative.setZero(3 * mesh_.vertex_count(), of_membrane + of_bending);
+  derivative.setZero(3 * mesh_.vertex_count(), fabric_.values.size());
   Eigen::Matrix3Xd stress(3, of_membrane), moment(3, of_bending);
   for (const Triangle& t : triangles_) {
     const Mat32 w = deformation(t.shape, t.vertices, x);
@@ -364,6 +425,120 @@ void SheetModel::parameter_derivative(const Points& x, MatX& derivative) const {
         derivative.col(of_membrane + p).segment<3>(3 * plate.vertices[i]) +=
             jacobian.middleRows<3>(static_cast<Eigen::Index>(3 * i)) * moment.col(p);
   }
+  for (std::size_t t = 0; !rubbing_.empty() && t < triangles_.size(); ++t) {
+    const Vec3 strain = membrane_strain(t, x), curvature = rubbed_curvature(t, x);
+    int column = of_membrane + of_bending;
+    for (const int i : rubbing_) {
+      const FrictionResponse r = rub(t, i, i < 3 ? strain[i] : curvature[i - 3]);
+      for (const double by : {r.by_amplitude, r.by_scale})
+        add_stress(t, x, i < 3 ? Vec3(by * Vec3::Unit(i)) : Vec3(Vec3::Zero()),
+                   i < 3 ? Vec3(Vec3::Zero()) : Vec3(by * Vec3::Unit(i - 3)),
+                   derivative.col(column++));
+    }
+  }
+}
+
+Vec3 SheetModel::membrane_strain(std::size_t t, const Points& x) const {
+  return green_strain(deformation(triangles_[t].shape, triangles_[t].vertices, x));
+}
+
+Vec3 SheetModel::rubbed_curvature(std::size_t t, const Points& x) const {
+  const Plate& plate = plates_[t];
+  const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
+  return vector(c.value) - plate.rim * vector(c.value);
+}
+
+void SheetModel::add_stress(std::size_t index, const Points& x, const Vec3& stress,
+                            const Vec3& moment, Eigen::Ref<VecX> column) const {
+  const Triangle& t = triangles_[index];
+  const Mat32 g = t.shape.area * deformation(t.shape, t.vertices, x) * stress_matrix(stress);
+  const auto du = t.shape.du(), dv = t.shape.dv();
+  for (std::size_t i = 0; i < 3; ++i)
+    column.segment<3>(3 * t.vertices[i]) += du[i] * g.col(0) + dv[i] * g.col(1);
+  const Plate& plate = plates_[index];
+  const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
+  const auto by_vertex =
+      curvature_gradient(plate.map, c, array(plate.area * (moment - plate.rim * moment)));
+  for (std::size_t i = 0; i < 6; ++i)
+    column.segment<3>(3 * plate.vertices[i]) += to_eigen(by_vertex[i]);
+}
+
+void SheetModel::set_history(const VecX& history) {
+  ElasticModel::set_history(history);
+  history_ = history;
+}
+
+VecX SheetModel::next_history(const Points& x) const {
+  VecX next = history_;
+  for (std::size_t t = 0; !rubbing_.empty() && t < triangles_.size(); ++t) {
+    const Vec3 strain = membrane_strain(t, x), curvature = rubbed_curvature(t, x);
+    const Eigen::Index first = kHistory * static_cast<Eigen::Index>(t);
+    next.segment<3>(first) = strain;
+    next.segment<3>(first + 3) = curvature;
+    for (const int i : rubbing_) next[first + kComponents + i] = rub(t, i, next[first + i]).stress;
+  }
+  return next;
+}
+
+void SheetModel::add_history_derivative(const Points& x, const MatX& history_derivative,
+                                        MatX& derivative) const {
+  for (std::size_t t = 0; !rubbing_.empty() && t < triangles_.size(); ++t) {
+    const Vec3 strain = membrane_strain(t, x), curvature = rubbed_curvature(t, x);
+    const Eigen::Index first = kHistory * static_cast<Eigen::Index>(t);
+    Eigen::Matrix<double, kComponents, 1> tangent, lag;
+    tangent.setZero();
+    lag.setZero();
+    for (const int i : rubbing_) {
+      const FrictionResponse r = rub(t, i, i < 3 ? strain[i] : curvature[i - 3]);
+      tangent[i] = r.tangent;
+      lag[i] = r.by_former_stress;
+    }
+    for (Eigen::Index p = 0; p < derivative.cols(); ++p) {
+      const Eigen::Matrix<double, kComponents, 1> stress =
+          lag.cwiseProduct(history_derivative.col(p).segment<kComponents>(first + kComponents)) -
+          tangent.cwiseProduct(history_derivative.col(p).segment<kComponents>(first));
+      add_stress(t, x, stress.head<3>(), stress.tail<3>(), derivative.col(p));
+    }
+  }
+}
+
+MatX SheetModel::next_history_derivative(const Points& x, const MatX& x_derivative,
+                                         const MatX& history_derivative) const {
+  MatX next = MatX::Zero(history_.size(), x_derivative.cols());
+  for (std::size_t t = 0; !rubbing_.empty() && t < triangles_.size(); ++t) {
+    const Triangle& triangle = triangles_[t];
+    const Plate& plate = plates_[t];
+    const Mat32 w = deformation(triangle.shape, triangle.vertices, x);
+    const Vec3 strain = green_strain(w), curvature = rubbed_curvature(t, x);
+    const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
+    const Mat18x3 jacobian = curvature_jacobian(plate.map, c) * (Mat3::Identity() - plate.rim);
+    const auto du = triangle.shape.du(), dv = triangle.shape.dv();
+    const Mat63 by_deformation = strain_gradient(w);
+    const Eigen::Index first = kHistory * static_cast<Eigen::Index>(t);
+    for (Eigen::Index p = 0; p < x_derivative.cols(); ++p) {
+      Eigen::Matrix<double, 6, 1> dw = Eigen::Matrix<double, 6, 1>::Zero();
+      for (std::size_t i = 0; i < 3; ++i) {
+        const Vec3 dx = x_derivative.col(p).segment<3>(3 * triangle.vertices[i]);
+        dw.head<3>() += du[i] * dx;
+        dw.tail<3>() += dv[i] * dx;
+      }
+      next.col(p).segment<3>(first) = by_deformation.transpose() * dw;
+      for (std::size_t i = 0; i < 6; ++i)
+        next.col(p).segment<3>(first + 3) +=
+            jacobian.middleRows<3>(static_cast<Eigen::Index>(3 * i)).transpose() *
+            x_derivative.col(p).segment<3>(3 * plate.vertices[i]);
+      int own = membrane_->parameter_count() + bending_->parameter_count();
+      for (const int i : rubbing_) {
+        const FrictionResponse r = rub(t, i, i < 3 ? strain[i] : curvature[i - 3]);
+        const double by_parameter = p == own ? r.by_amplitude : p == own + 1 ? r.by_scale : 0;
+        own += 2;
+        next(first + kComponents + i, p) =
+            r.tangent * (next(first + i, p) - history_derivative(first + i, p)) +
+            r.by_former_stress * history_derivative(first + kComponents + i, p) + by_parameter;
+      }
+    }
+  }
+  return next;
 }
 
 }  // namespace weft::detail

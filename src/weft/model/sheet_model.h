@@ -5,6 +5,7 @@
 #include "weft/model/bending.h"
 #include "weft/model/block_pattern.h"
 #include "weft/model/elastic_model.h"
+#include "weft/model/friction.h"
 #include "weft/model/sheet_law.h"
 #include "weft/strain/triangle_shape.h"
 
@@ -26,7 +27,8 @@ using Mat32 = Eigen::Matrix<double, 3, 2>;
 /// elsewhere. Of bending, the product of the gradients is kept.
 class SheetModel final : public ElasticModel {
  public:
-  /// `fabric` has the parameters of the membrane first, then those of bending. `mesh` is valid.
+  /// `fabric` has the parameters of the membrane first, then those of bending, then of friction.
+  /// `mesh` is valid.
   SheetModel(const TriangleMesh& mesh, const Fabric& fabric, double grain_angle,
              std::unique_ptr<SheetLaw> membrane, std::unique_ptr<SheetLaw> bending);
 
@@ -40,6 +42,15 @@ class SheetModel final : public ElasticModel {
                SparseMatrix& hessian) const override;
   const SparseMatrix& hessian_pattern() const override { return pattern_.matrix(); }
   void parameter_derivative(const Points& x, MatX& derivative) const override;
+
+  int history_size() const override { return static_cast<int>(history_.size()); }
+  VecX history() const override { return history_; }
+  void set_history(const VecX& history) override;
+  VecX next_history(const Points& x) const override;
+  void add_history_derivative(const Points& x, const MatX& history_derivative,
+                              MatX& derivative) const override;
+  MatX next_history_derivative(const Points& x, const MatX& x_derivative,
+                               const MatX& history_derivative) const override;
 
  private:
   struct Triangle {
@@ -63,13 +74,25 @@ class SheetModel final : public ElasticModel {
   };
 
   Bent bend(const Plate& plate, const Vec3& curvature) const;
+  /// Friction of component `i` of six at triangle t.
+  FrictionResponse rub(std::size_t t, int i, double strain) const;
+  /// The laws with friction, at triangle t.
+  SheetResponse membrane(std::size_t t, const Vec3& strain) const;
+  Bent bend(std::size_t t, const Vec3& curvature) const;
+  Vec3 membrane_strain(std::size_t t, const Points& x) const;
+  /// The curvature that friction acts on.
+  Vec3 rubbed_curvature(std::size_t t, const Points& x) const;
+  /// Adds the forces of the stresses by strain and by the curvature that friction acts on to rows
+  /// of a derivative.
+  void add_stress(std::size_t t, const Points& x, const Vec3& stress, const Vec3& moment,
+                  Eigen::Ref<VecX> column) const;
   /// `by_deformation`: derivative of the energy density by (w_u, w_v).
   void add_gradient(const Triangle& triangle, const Mat32& by_deformation, Points& gradient) const;
   void add_gradient(const Plate& plate, const TriangleCurvature<double>& curvature,
                     const Vec3& moment, Points& gradient) const;
-  void add_hessian(const Triangle& triangle, const Points& x, HessianKind kind, Points& gradient,
-                   double* values) const;
-  void add_hessian(const Plate& plate, const Points& x, HessianKind kind, Points& gradient,
+  void add_membrane(std::size_t t, const Points& x, HessianKind kind, Points& gradient,
+                    double* values) const;
+  void add_bending(std::size_t t, const Points& x, HessianKind kind, Points& gradient,
                    double* values) const;
 
   TriangleMesh mesh_;
@@ -78,6 +101,11 @@ class SheetModel final : public ElasticModel {
   BlockPattern pattern_;
   std::vector<Triangle> triangles_;
   std::vector<Plate> plates_;
+
+  static constexpr int kComponents = 6, kHistory = 2 * kComponents;
+  std::vector<int> rubbing_;  ///< components with friction, ascending
+  std::array<Friction, kComponents> friction_;
+  VecX history_;
 };
 
 /// The mesh with its material coordinates along weft and warp: turned by - `grain_angle`.
