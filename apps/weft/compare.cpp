@@ -86,6 +86,7 @@ void run(const Arguments& arguments) {
   const InterruptGuard guard;
   std::vector<Fabric> fabrics;
   for (const std::string& name : arguments.fabrics) fabrics.push_back(find_fabric(name));
+  for (const Fabric& fabric : fabrics) require_motion_model(fabric);
   const std::vector<Capture> captures = read_captures(arguments.captures);
   if (!arguments.out.empty()) {
     prepare_output_folder(arguments.out, {},

@@ -37,17 +37,17 @@ void print_parameters(std::string_view model) {
   fmt::print("  {:<19} {:<11} {:>8} {:>8} {:>9}  {}\n", "name", "unit", "lower", "upper", "default",
              "meaning");
   for (const ParameterInfo& p : model_parameters(model)) {
-    fmt::print("  {:<19} {:<11} {:>8g} {:>8g} {:>9g}  {} ({})\n", p.name, p.unit, p.lower, p.upper,
-               p.default_value, p.meaning, p.source);
+    fmt::print("  {:<19} {:<11} {:>8g} {:>8g} {:>9g}  {}{}{} ({})\n", p.name, p.unit, p.lower,
+               p.upper, p.default_value, p.presence == Presence::optional ? "Optional. " : "",
+               p.meaning, p.curve_over.empty() ? "" : " May be a curve.", p.source);
   }
 }
 
 void print_fabric(const Fabric& fabric) {
   fmt::print("{}  ({})\n  {}\n", fabric.name, fabric.model, fabric.provenance);
-  const auto parameters = model_parameters(fabric.model);
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    fmt::print("  {:<19} {:>12.6g} {}\n", parameters[i].name, fabric.values[static_cast<long>(i)],
-               parameters[i].unit);
+  for (int i = 0; i < fabric.values.size(); ++i) {
+    const ParameterInfo info = fabric.info(i);
+    fmt::print("  {:<19} {:>12.6g} {}\n", info.name, fabric.values[i], info.unit);
   }
 }
 
@@ -88,8 +88,7 @@ void run(const Arguments& arguments) {
     fmt::print("{}\n", all.dump(2));
     return;
   }
-  print_parameters("baraff-witkin");
-  print_parameters("baraff-witkin-diagonals");
+  for (const std::string_view model : model_names()) print_parameters(model);
   fmt::print("\npresets\n  {:<18}", "name");
   for (const char* column : {"stretch", "shear", "bend", "k_stretch", "k_shear", "k_bend", "drag_T",
                              "drag_N", "drag_f"}) {

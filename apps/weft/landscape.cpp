@@ -51,6 +51,7 @@ ReportSurface to_report(const Landscape& landscape, const Fabric& fabric,
 void run(Arguments arguments) {
   const InterruptGuard guard;
   const Fabric fabric = find_fabric(arguments.fabric);
+  require_motion_model(fabric);
   check_parameters("--x", fabric.model, {arguments.options.x_parameter});
   check_parameters("--y", fabric.model, {arguments.options.y_parameter});
   const Capture capture = read_capture(arguments.capture);

@@ -50,6 +50,7 @@ void run(const Arguments& arguments) {
   const InterruptGuard guard;
   std::vector<Fabric> fabrics;
   for (const std::string& name : arguments.fabrics) fabrics.push_back(find_fabric(name));
+  for (const Fabric& fabric : fabrics) require_motion_model(fabric);
   const std::vector<Capture> captures = read_captures(arguments.captures);
   const std::filesystem::path out = arguments.out;
   prepare_output_folder(out, {"matrix.svg"},

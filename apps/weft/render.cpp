@@ -51,6 +51,7 @@ Motion3d read_motion(const Arguments& arguments) {
 
 Motion3d simulate_motion(const Arguments& arguments, const Capture& capture) {
   const Fabric fabric = find_fabric(arguments.fabric);
+  require_motion_model(fabric);
   const auto trial = arguments.trial.prepare(capture, TrialArguments::Frames::from_fit_to_end);
   Trajectory trajectory = simulate(trial->scene, fabric, trial->options.simulation);
   if (trajectory.diverged) throw Error("the simulation diverged: " + trajectory.divergence);

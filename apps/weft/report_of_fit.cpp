@@ -61,8 +61,9 @@ ReportParameter report_parameter(const ParameterInfo& info, const Fabric& fabric
   p.lower = info.lower;
   p.upper = info.upper;
   p.initial = p.value;
-  p.scale = info.scale == Scale::logarithmic ? ReportParameter::Scale::logarithmic
-                                             : ReportParameter::Scale::shifted_logarithmic;
+  p.scale = info.scale == Scale::logarithmic   ? ReportParameter::Scale::logarithmic
+            : info.scale == Scale::shifted_log ? ReportParameter::Scale::shifted_logarithmic
+                                               : ReportParameter::Scale::linear;
   if (curve) {
     p.variability_percent = curve->variability_percent;
     p.determined = curve->determined;

@@ -50,6 +50,7 @@ std::string reaction_csv(const Scene& scene, const Trajectory& trajectory) {
 
 void run(const Arguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
+  require_motion_model(fabric);
   const Capture capture = read_capture(arguments.capture);
   const std::filesystem::path out = arguments.out;
   prepare_output_folder(out, {"points.pc2"},

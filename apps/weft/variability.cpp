@@ -38,6 +38,7 @@ void print_table(const std::vector<PerturbationCurve>& curves, const Fabric& fab
 void run(const Arguments& arguments) {
   const InterruptGuard guard;
   const Fabric fabric = find_fabric(arguments.fabric);
+  require_motion_model(fabric);
   check_parameters("--parameters", fabric.model, arguments.parameters);
   const std::vector<Capture> captures = read_captures(arguments.captures);
   std::vector<std::string> names = arguments.parameters;

@@ -38,20 +38,23 @@ TEST(ParameterTable, NamesOrderAndUnits) {
 }
 
 TEST(ParameterTable, RangesHoldTheirDefaults) {
-  for (const ParameterInfo& info : baraff_witkin_parameters()) {
-    EXPECT_LT(info.lower, info.upper) << info.name;
-    EXPECT_GE(info.default_value, info.lower) << info.name;
-    EXPECT_LE(info.default_value, info.upper) << info.name;
-    EXPECT_GE(info.lower, 0) << info.name;
-    if (info.scale == Scale::logarithmic) {
-      EXPECT_GT(info.lower, 0) << info.name;
+  for (const std::string_view model : model_names())
+    for (const ParameterInfo& info : model_parameters(model)) {
+      EXPECT_LT(info.lower, info.upper) << info.name;
+      EXPECT_GE(info.default_value, info.lower) << info.name;
+      EXPECT_LE(info.default_value, info.upper) << info.name;
+      if (info.scale != Scale::linear) {
+        EXPECT_GE(info.lower, 0) << info.name;
+      }
+      if (info.scale == Scale::logarithmic) {
+        EXPECT_GT(info.lower, 0) << info.name;
+      }
+      EXPECT_FALSE(info.meaning.empty() || info.source.empty()) << info.name;
     }
-    EXPECT_FALSE(info.meaning.empty() || info.source.empty()) << info.name;
-  }
 }
 
 TEST(ParameterTable, UnknownNamesAreErrors) {
-  EXPECT_THROW(model_parameters("springs"), Error);
+  EXPECT_THROW(model_parameters("felt"), Error);
   try {
     parameter_index("baraff-witkin", "bend");
     FAIL();
@@ -110,7 +113,7 @@ TEST(Fabric, SetChecksTheArgument) {
     EXPECT_EQ(fabric.value("bend_stiffness"), 2e-5);
   }
   EXPECT_THROW(fabric.set("bend", 1e-5), Error);
-  EXPECT_THROW(Fabric::with_defaults("x", "springs"), Error);
+  EXPECT_THROW(Fabric::with_defaults("x", "felt"), Error);
 }
 
 TEST(FabricFile, RoundTripIsExact) {
@@ -174,7 +177,7 @@ TEST(FabricFile, BadInputNamesFileKeyAndReason) {
   expect_error(edited("unit = \"N/m\"", "unit = \"Pa\""), "unit", "N/m");
   expect_error(edited("lower = 5,", "lower = 6000,"), "lower");
   expect_error(edited("lower = 5,", "lower = -5,"), "lower");
-  expect_error(edited("model = \"baraff-witkin\"", "model = \"stvk\""), "model", "baraff-witkin");
+  expect_error(edited("model = \"baraff-witkin\"", "model = \"felt\""), "model", "baraff-witkin");
   expect_error(edited("format = \"weft-fabric\"", "format = \"weft-capture\""), "format");
   expect_error(edited("version = 1", "version = 2"), "version");
   expect_error(edited("[parameters]", "areal_density = 0\n[parameters]"), "areal_density");
@@ -217,6 +220,96 @@ TEST(Prior, AFactorIsOneStandardDeviation) {
                 1e-9)
         << info.name;
   }
+}
+
+TEST(FabricFile, EveryModelRoundTrips) {
+  for (const std::string_view model : model_names()) {
+    Fabric fabric = Fabric::with_defaults("cloth", std::string(model));
+    for (const ParameterInfo& info : model_parameters(model)) fabric.include(info.name);
+    if (model != "baraff-witkin" && model != "springs" && model != "piecewise-linear") {
+      EXPECT_GT(fabric.value("shear_friction_scale"), 0);
+      Fabric half = fabric;
+      half.leave_out("shear_friction_scale");
+      EXPECT_THROW(validate(half), Error);
+    }
+    validate(fabric);
+    const Fabric again = fabric_from_toml(fabric_to_toml(fabric), "cloth.toml");
+    EXPECT_EQ(again.model, model);
+    EXPECT_EQ(again.values, fabric.values);
+    EXPECT_EQ(fabric_to_toml(again), fabric_to_toml(fabric));
+  }
+}
+
+Fabric curved() {
+  Fabric fabric = Fabric::with_defaults("cloth", "soft-constraints");
+  fabric.set_curve("warp_stretch",
+                   StiffnessCurve(Eigen::Vector3d(0, 0.05, 0.2), Eigen::Vector3d(100, 200, 700)));
+  fabric.set_curve("diagonal_bend",
+                   StiffnessCurve(Eigen::Vector2d(0, 50), Eigen::Vector2d(1e-6, 1.0 / 3)));
+  return fabric;
+}
+
+TEST(FabricFile, CurvesRoundTrip) {
+  Fabric fabric = curved();
+  EXPECT_EQ(fabric.values.size(), 6 + 2 + 1);
+  fabric.include("shear_stiffening");
+  EXPECT_EQ(fabric.values.size(), 6 + 2 + 1 + 1);
+  const std::string text = fabric_to_toml(fabric);
+  EXPECT_THAT(text, HasSubstr("warp_stretch = { strain = [0, 0.05, 0.2], value = [100, 200, 700]"));
+  const Fabric again = fabric_from_toml(text, "cloth.toml");
+  EXPECT_EQ(again.values, fabric.values);
+  EXPECT_EQ(fabric_to_toml(again), text);
+  EXPECT_EQ(again.curve("warp_stretch").knots(), Eigen::Vector3d(0, 0.05, 0.2));
+  EXPECT_EQ(again.value("warp_stretch_3"), 700);
+  EXPECT_EQ(again.info(again.value_index("diagonal_bend_2")).unit, "N m");
+  EXPECT_EQ(again.info(2).name, "warp_stretch_2");
+  EXPECT_THROW(again.value("warp_stretch"), Error);
+  EXPECT_THROW(again.value("stretch_coupling"), Error);
+  EXPECT_THROW(again.curve("stretch_coupling"), Error);
+}
+
+TEST(Fabric, RowsChangeTheirForm) {
+  Fabric fabric = fabric_from_toml(fabric_to_toml(curved()), "cloth.toml");
+  fabric.set_curve("shear", StiffnessCurve(Eigen::Vector2d(0, 0.3), Eigen::Vector2d(10, 30)));
+  EXPECT_EQ(fabric.lower.size(), fabric.values.size());
+  EXPECT_EQ(fabric.value("shear_2"), 30);
+  EXPECT_EQ(fabric.value("weft_bend"), 1e-5);  // what follows has moved along
+  fabric.set("shear_2", 40);
+  EXPECT_THROW(fabric.set("shear_2", 1e9), Error);
+  fabric.set_curve("shear", StiffnessCurve(25));
+  fabric.set_curve("warp_stretch", StiffnessCurve(25));
+  fabric.set_curve("diagonal_bend", StiffnessCurve(1e-5));
+  EXPECT_EQ(fabric.value("shear"), 25);
+  fabric.include("stretch_coupling");
+  validate(fabric);
+  fabric.set("stretch_coupling", 120);  // above sqrt(500 * 25) = 111.8
+  EXPECT_THROW(validate(fabric), Error);
+  fabric.leave_out("stretch_coupling");
+  validate(fabric);
+  EXPECT_EQ(fabric.values.size(), 6);
+  EXPECT_THROW(fabric.leave_out("shear"), Error);
+  EXPECT_THROW(fabric.set_curve("shear_stiffening", StiffnessCurve(1)), Error);
+  EXPECT_THROW(Fabric::with_defaults("a", "stvk").set_curve("bend_uu", StiffnessCurve(1)), Error);
+}
+
+TEST(FabricFile, BadCurvesNameFileKeyAndReason) {
+  const std::string good = fabric_to_toml(curved());
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string text = good;
+    const auto found = text.find(from);
+    EXPECT_NE(found, std::string::npos) << from;
+    return text.replace(found, from.size(), to);
+  };
+  expect_error(with("strain = [0, 0.05, 0.2]", "strain = [0, 0.2, 0.05]"), "strain", "increase");
+  expect_error(with("strain = [0, 0.05, 0.2]", "strain = [0, 0.05]"), "value", "2");
+  expect_error(with("strain = [0, 0.05, 0.2]", "strain = []"), "strain");
+  expect_error(with("strain = [0, 0.05, 0.2]", "strain = 0"), "strain");
+  expect_error(with("value = [100, 200, 700]", "value = 100"), "value");
+  expect_error(with("value = [100, 200, 700]", "value = [100, -200, 700]"), "value");
+  expect_error(with("value = [100, 200, 700]", "value = [100, 200, 7e6]"), "value", "1000000");
+  Fabric stvk = Fabric::with_defaults("cloth", "stvk");
+  stvk.values[1] = 900;
+  expect_error(fabric_to_toml(stvk), "parameters", "membrane_uv");
 }
 
 TEST(FabricFile, FilesOnDisk) {

@@ -321,6 +321,21 @@ std::vector<std::string> TomlTable::strings(std::string_view key, std::size_t co
   return result;
 }
 
+std::size_t TomlTable::array_size(std::string_view key, std::size_t lower,
+                                  std::size_t upper) const {
+  const toml::node& node = impl_->require(key);
+  if (!node.is_array()) throw impl_->wrong_type(impl_->location(key, node), "an array", node);
+  const std::size_t size = node.as_array()->size();
+  if (size < lower || size > upper)
+    throw error_at(impl_->location(key, node),
+                   fmt::format("{} entries; must be {} to {}", size, lower, upper));
+  return size;
+}
+
+bool TomlTable::is_array(std::string_view key) const {
+  return has(key) && impl_->table->get(key)->is_array();
+}
+
 MatX TomlTable::matrix(std::string_view key, int rows, int columns) const {
   const toml::node& node = impl_->require(key);
   const auto row_count = static_cast<std::size_t>(rows);

@@ -47,6 +47,10 @@ class TomlTable {
   std::vector<double> numbers(std::string_view key, std::size_t count, Range valid) const;
   std::vector<int> integers(std::string_view key, std::size_t count, int lower, int upper) const;
   std::vector<std::string> strings(std::string_view key, std::size_t count) const;
+  /// Number of entries of an array, within [lower, upper].
+  std::size_t array_size(std::string_view key, std::size_t lower, std::size_t upper) const;
+  /// Whether the key is there and holds an array.
+  bool is_array(std::string_view key) const;
   /// An array of `rows` arrays of `columns` numbers.
   MatX matrix(std::string_view key, int rows, int columns) const;
   /// Sub-table, and array of tables (empty vector if absent).

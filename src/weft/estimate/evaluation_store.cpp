@@ -34,10 +34,9 @@ CREATE TABLE IF NOT EXISTS evaluation (
 /// exactly and is the only one that is written so.
 std::string parameters_text(const Fabric& fabric) {
   std::string text = "{";
-  const auto infos = model_parameters(fabric.model);
-  for (std::size_t i = 0; i < infos.size(); ++i)
-    text += fmt::format("{}\"{}\":{:.17g}", i > 0 ? "," : "", infos[i].name,
-                        fabric.values[static_cast<Eigen::Index>(i)]);
+  for (int i = 0; i < fabric.values.size(); ++i)
+    text +=
+        fmt::format("{}\"{}\":{:.17g}", i > 0 ? "," : "", fabric.info(i).name, fabric.values[i]);
   return text + "}";
 }
 

@@ -21,7 +21,7 @@ Problem::Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initia
   if (trials_.empty()) throw Error("no capture to fit");
   if (free_.empty()) throw Error("no parameter to search");
   for (const std::string& name : free_) {
-    const int index = parameter_index(initial_.model, name);
+    const int index = initial_.value_index(name);
     if (std::find(indices_.begin(), indices_.end(), index) != indices_.end())
       throw Error(fmt::format("parameter {} is listed twice", name));
     indices_.push_back(index);

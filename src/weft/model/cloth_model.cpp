@@ -540,13 +540,9 @@ ClothModel::ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double ar
   impl_->gravity = gravity;
   impl_->elements = detail::make_elements(mesh);
   impl_->masses = areal_density * vertex_areas(mesh);
+  require_motion_model(fabric);
   impl_->model = fabric.model;
   impl_->diagonals = fabric.model == "baraff-witkin-diagonals";
-  if (!impl_->diagonals && fabric.model != "baraff-witkin")
-    throw Error(
-        fmt::format("fabric \"{}\" is of model \"{}\"; \"baraff-witkin\" or "
-                    "\"baraff-witkin-diagonals\" is needed",
-                    fabric.name, fabric.model));
   impl_->components = component_table(impl_->elements, impl_->diagonals, component_count());
   set_fabric(fabric);
 }
@@ -556,17 +552,8 @@ ClothModel::ClothModel(ClothModel&&) noexcept = default;
 ClothModel& ClothModel::operator=(ClothModel&&) noexcept = default;
 
 void ClothModel::set_fabric(const Fabric& fabric) {
-  const auto infos = model_parameters(impl_->model);
-  if (fabric.model != impl_->model)
-    throw Error(fmt::format("fabric \"{}\" is of model \"{}\"; \"{}\" is needed", fabric.name,
-                            fabric.model, impl_->model));
-  if (fabric.values.size() != static_cast<Eigen::Index>(infos.size()))
-    throw Error(fmt::format("fabric \"{}\" has {} values, its model {}", fabric.name,
-                            fabric.values.size(), infos.size()));
-  for (Eigen::Index i = 0; i < fabric.values.size(); ++i)
-    if (!(fabric.values[i] >= 0 && std::isfinite(fabric.values[i])))
-      throw Error(fmt::format("fabric \"{}\": {} = {} is not a finite number >= 0", fabric.name,
-                              infos[static_cast<std::size_t>(i)].name, fabric.values[i]));
+  require_model(fabric, impl_->model);
+  validate(fabric);
   impl_->coefficients = Coefficients::from(fabric.values);
   impl_->values = fabric.values;
 }

@@ -33,7 +33,31 @@ class ElasticModel {
   /// Lower triangle with explicit zeros, 3 n x 3 n, compressed; has all diagonal entries.
   virtual const SparseMatrix& hessian_pattern() const = 0;
   /// d gradient / d parameters, 3 n x parameters (rows as flat(x)). Overwrites.
+  /// With the history held.
   virtual void parameter_derivative(const Points& x, MatX& derivative) const = 0;
+
+  /// Internal friction (the fabric's `*_friction` terms, model/friction.h) depends on what came
+  /// before: strain and friction stress of each component at the last frame. Energy and its
+  /// derivatives are those of the way from there to x. A quasi-static sequence, frame by frame:
+  /// find the equilibrium x, then set_history(next_history(x)). A model without friction has a
+  /// history of no numbers.
+  virtual int history_size() const { return 0; }
+  /// Flat and without stress, after construction.
+  virtual VecX history() const { return {}; }
+  /// Throws Error for a wrong count.
+  virtual void set_history(const VecX& history);
+  virtual VecX next_history(const Points& /*x*/) const { return {}; }
+  /// What a history that depends on the parameters adds to parameter_derivative() at x: adds
+  /// (d gradient / d history) `history_derivative`, with d history / d parameters in a row an
+  /// entry.
+  virtual void add_history_derivative(const Points& /*x*/, const MatX& /*history_derivative*/,
+                                      MatX& /*derivative*/) const {}
+  /// d next_history(x) / d parameters, from d x / d parameters (3 n x parameters, rows as flat(x))
+  /// and that of the history now.
+  virtual MatX next_history_derivative(const Points& /*x*/, const MatX& x_derivative,
+                                       const MatX& /*history_derivative*/) const {
+    return MatX(0, x_derivative.cols());
+  }
 };
 
 /// The model that `fabric.model` names on `mesh`. `grain_angle` (rad): u of the material lies at

@@ -1,0 +1,208 @@
+#include "weft/model/spring_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <map>
+
+#include "weft/base/error.h"
+#include "weft/model/sheet_model.h"
+
+namespace weft::detail {
+namespace {
+
+enum Component { kWeftStretch, kWarpStretch, kShear, kWeftBend, kWarpBend, kDiagonalBend };
+constexpr std::array<const char*, 6> kNames = {"weft_stretch", "warp_stretch", "shear",
+                                               "weft_bend",    "warp_bend",    "diagonal_bend"};
+constexpr double kAngleTolerance = 1e-6;  // of the length of an edge
+
+using Spring = SpringModel::Spring;
+using Edge = std::pair<int, int>;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+Edge edge(int a, int b) { return {std::min(a, b), std::max(a, b)}; }
+
+/// An edge or the other diagonal of a cell, with the area of its triangles.
+struct Link {
+  Component component;
+  double area = 0;
+};
+
+Component direction_of(const Vec2& along) {
+  if (std::abs(along.y()) < kAngleTolerance * along.norm()) return kWeftStretch;
+  if (std::abs(along.x()) < kAngleTolerance * along.norm()) return kWarpStretch;
+  return kShear;
+}
+
+/// Edges of the mesh and second diagonals. Each triangle's area goes to its two legs and its
+/// diagonal alike; a diagonal with two triangles gives half of it to the other diagonal.
+std::map<Edge, Link> find_links(const TriangleMesh& mesh) {
+  std::map<Edge, Link> links;
+  std::map<Edge, std::vector<int>> apexes;
+  for (int t = 0; t < mesh.triangle_count(); ++t) {
+    const auto& v = mesh.triangles[at(t)];
+    std::array<int, 3> count{};
+    for (std::size_t j = 0; j < 3; ++j) {
+      const int a = v[j], b = v[(j + 1) % 3];
+      const Component component = direction_of(mesh.material.col(b) - mesh.material.col(a));
+      ++count[component];
+      Link& link = links[edge(a, b)];
+      link.component = component;
+      link.area += material_area(mesh, t);
+      if (component == kShear) apexes[edge(a, b)].push_back(v[(j + 2) % 3]);
+    }
+    if (count != std::array<int, 3>{1, 1, 1})
+      throw Error(fmt::format(
+          "springs need a regular grid: triangle {} of the mesh has no edge along weft and one "
+          "along warp at a right angle",
+          t));
+  }
+  for (const auto& [diagonal, apex] : apexes) {
+    if (apex.size() != 2) continue;
+    Link& link = links.at(diagonal);
+    const Link other{kShear, 0.5 * link.area};
+    link.area = other.area;
+    links.emplace(edge(apex[0], apex[1]), other);
+  }
+  return links;
+}
+
+Component bend_of(Component stretch) { return static_cast<Component>(stretch + kWeftBend); }
+
+/// Pairs of neighbours that lie opposite to each other about their vertex.
+void add_second_ring(const TriangleMesh& mesh, const std::map<Edge, Link>& links,
+                     std::vector<Spring>& springs) {
+  std::vector<std::vector<std::pair<int, Link>>> neighbours(at(mesh.vertex_count()));
+  for (const auto& [ends, link] : links) {
+    neighbours[at(ends.first)].emplace_back(ends.second, link);
+    neighbours[at(ends.second)].emplace_back(ends.first, link);
+  }
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    const auto& around = neighbours[at(v)];
+    for (std::size_t i = 0; i < around.size(); ++i)
+      for (std::size_t j = i + 1; j < around.size(); ++j) {
+        const Vec2 to_a = mesh.material.col(around[i].first) - mesh.material.col(v);
+        const Vec2 to_b = mesh.material.col(around[j].first) - mesh.material.col(v);
+        if ((to_a + to_b).norm() > kAngleTolerance * to_a.norm()) continue;
+        const auto [a, b] = edge(around[i].first, around[j].first);
+        springs.push_back({a, b, bend_of(around[i].second.component), (to_a - to_b).norm(),
+                           0.5 * (around[i].second.area + around[j].second.area), 0});
+      }
+  }
+}
+
+std::vector<Spring> make_springs(const TriangleMesh& mesh) {
+  std::vector<Spring> springs;
+  const auto links = find_links(mesh);
+  for (const auto& [ends, link] : links) {
+    const Vec2 along = mesh.material.col(ends.second) - mesh.material.col(ends.first);
+    const double length = along.norm();
+    double area = link.area;
+    if (link.component == kShear) {
+      const double product = along.x() * along.y() / (length * length);
+      area /= product * product;
+    }
+    springs.push_back({ends.first, ends.second, link.component, length, area, 0});
+  }
+  add_second_ring(mesh, links, springs);
+  return springs;
+}
+
+}  // namespace
+
+SpringModel::SpringModel(const TriangleMesh& mesh, const Fabric& fabric, double grain_angle)
+    : mesh_(mesh),
+      fabric_(fabric),
+      springs_(make_springs(along_the_threads(mesh, grain_angle))),
+      pattern_(mesh.vertex_count()) {
+  validate(fabric);
+  for (const char* name : kNames) curves_.push_back(fabric.curve(name));
+  for (const Spring& spring : springs_) pattern_.add_element(std::array{spring.a, spring.b});
+  pattern_.finish();
+  for (Spring& spring : springs_) spring.slot = pattern_.slot(spring.b, spring.a);
+}
+
+void SpringModel::set_parameters(const VecX& values) {
+  Fabric changed = fabric_;
+  changed.values = values;
+  validate(changed);
+  fabric_.values = values;
+  int first = 0;
+  for (StiffnessCurve& curve : curves_) {
+    curve.set_values(values.segment(first, curve.size()));
+    first += curve.size();
+  }
+}
+
+double SpringModel::energy(const Points& x) const {
+  double sum = 0;
+  for (const Spring& s : springs_) {
+    const double c = (x.col(s.b) - x.col(s.a)).norm() / s.length - 1;
+    sum += s.area * curves_[at(s.component)].respond(c).energy;
+  }
+  return sum;
+}
+
+void SpringModel::gradient(const Points& x, Points& gradient) const {
+  gradient.setZero(3, mesh_.vertex_count());
+  for (const Spring& s : springs_) {
+    const Vec3 along = x.col(s.b) - x.col(s.a);
+    const double length = along.norm();
+    if (!(length > 0)) continue;  // no direction
+    const auto r = curves_[at(s.component)].respond(length / s.length - 1);
+    const Vec3 pull = (s.area * r.stress / (s.length * length)) * along;
+    gradient.col(s.a) -= pull;
+    gradient.col(s.b) += pull;
+  }
+}
+
+void SpringModel::hessian(const Points& x, HessianKind kind, Points& gradient,
+                          SparseMatrix& hessian) const {
+  assert(hessian.nonZeros() == pattern_.matrix().nonZeros());
+  gradient.setZero(3, mesh_.vertex_count());
+  for (const Spring& s : springs_) {
+    const Vec3 along = x.col(s.b) - x.col(s.a);
+    const double length = along.norm();
+    if (!(length > 0)) continue;
+    const auto r = curves_[at(s.component)].respond(length / s.length - 1);
+    const Vec3 n = along / length;
+    const double tension = s.area * r.stress / s.length;
+    gradient.col(s.a) -= tension * n;
+    gradient.col(s.b) += tension * n;
+    double across = tension / length, stiffness = s.area * r.tangent / (s.length * s.length);
+    if (kind == HessianKind::positive_semidefinite) {
+      across = std::max(across, 0.0);
+      stiffness = std::max(stiffness, 0.0);
+    }
+    const Mat3 block = across * Mat3::Identity() + (stiffness - across) * (n * n.transpose());
+    const Mat3 opposite = -block;
+    pattern_.add_diagonal(hessian.valuePtr(), s.a, block);
+    pattern_.add_diagonal(hessian.valuePtr(), s.b, block);
+    pattern_.add_off_diagonal(hessian.valuePtr(), s.b, s.a, s.slot, opposite);
+  }
+}
+
+void SpringModel::parameter_derivative(const Points& x, MatX& derivative) const {
+  derivative.setZero(3 * mesh_.vertex_count(), fabric_.values.size());
+  std::array<int, 7> first{};
+  for (std::size_t i = 0; i < 6; ++i) first[i + 1] = first[i] + curves_[i].size();
+  VecX basis(StiffnessCurve::kMostKnots);
+  for (const Spring& s : springs_) {
+    const Vec3 along = x.col(s.b) - x.col(s.a);
+    const double length = along.norm();
+    if (!(length > 0)) continue;
+    const StiffnessCurve& curve = curves_[at(s.component)];
+    const double c = length / s.length - 1;
+    curve.stiffness_by_values(c, basis.head(curve.size()));
+    const Vec3 pull = (s.area * c / (s.length * length)) * along;
+    for (int k = 0; k < curve.size(); ++k) {
+      const int column = first[at(s.component)] + k;
+      derivative.col(column).segment<3>(3 * s.a) -= basis[k] * pull;
+      derivative.col(column).segment<3>(3 * s.b) += basis[k] * pull;
+    }
+  }
+}
+
+}  // namespace weft::detail
