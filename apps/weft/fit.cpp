@@ -15,6 +15,7 @@
 
 #include "command_line.h"
 #include "commands.h"
+#include "mechanical.h"
 #include "options.h"
 #include "report_of_fit.h"
 #include "weft/base/error.h"
@@ -54,6 +55,8 @@ struct Arguments {
   bool overwrite = false;
   std::string name;
   TrialArguments trial;
+  MechanicalArguments mechanical;
+  MechanicalFitArguments mechanical_fit;  // what only mechanical captures have
 };
 
 /// What both methods share, over the defaults of each.
@@ -320,6 +323,31 @@ void run(const Arguments& arguments) {
   if (fit.stopped) throw CLI::RuntimeError(kStoppedEarly);
 }
 
+const std::vector<std::string> kVideoFitOptions{
+    "--method",     "--coarse",  "--coarse-levels", "--coarse-frames",
+    "--iterations", "--simplex", "--no-variability"};
+const std::vector<std::string> kMechanicalFitOptions{"--model", "--residuals", "--force-noise",
+                                                     "--point-noise"};
+
+void run_mechanical(const Arguments& arguments, const CLI::App& command) {
+  refuse_options(command, kVideoFitOptions, "mechanical captures");
+  refuse_options(command, video_option_names(), "mechanical captures");
+  if (command.count("--model") > 0 && command.count("--initial") > 0)
+    throw Error("--model: the fabric of --initial says which");
+  MechanicalFitArguments fit = arguments.mechanical_fit;
+  fit.captures = arguments.captures;
+  fit.out = arguments.out;
+  fit.initial = arguments.initial;
+  if (command.count("--start") > 0) fit.start = arguments.start;
+  fit.name = arguments.name;
+  fit.parameters = arguments.parameters;
+  fit.seed = arguments.seed;
+  fit.overwrite = arguments.overwrite;
+  fit.threads = arguments.trial.threads();
+  fit.options = arguments.mechanical.options();
+  run_mechanical_fit(fit);
+}
+
 }  // namespace
 
 void add_fit(CLI::App& app) {
@@ -347,7 +375,7 @@ void add_fit(CLI::App& app) {
   command
       ->add_option("--start", arguments->start,
                    "where parameters start that no search places: middle (of their ranges), "
-                   "random, or initial")
+                   "random, or initial (for mechanical captures the default)")
       ->check(CLI::IsMember({"middle", "random", "initial"}))
       ->capture_default_str();
   command
@@ -376,6 +404,29 @@ void add_fit(CLI::App& app) {
                     "leave out the variability of the parameters");
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
+  arguments->mechanical.add_to(*command);
+  MechanicalFitArguments& mechanical = arguments->mechanical_fit;
+  command
+      ->add_option("--model", mechanical.model,
+                   "mechanical captures: model to fit where --initial names no fabric")
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--residuals", mechanical.residuals,
+          "mechanical captures: what is compared; auto: forces between clips, points where "
+          "one clip holds the cloth")
+      ->check(CLI::IsMember({"auto", "forces", "points", "both"}))
+      ->capture_default_str();
+  command
+      ->add_option("--force-noise", mechanical.force_noise,
+                   "mechanical captures: standard deviation of a force component, N")
+      ->check(number_in(1e-9, 1e3))
+      ->capture_default_str();
+  command
+      ->add_option("--point-noise", mechanical.point_noise,
+                   "mechanical captures: standard deviation of a coordinate, m")
+      ->check(number_in(1e-9, 1))
+      ->capture_default_str();
   command->footer(
       "Example:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150");
   command->callback([arguments, command] {
@@ -383,6 +434,12 @@ void add_fit(CLI::App& app) {
       if (arguments->method != "annealing" && command->count(name) > 0)
         throw Error(fmt::format("{}: only with --method annealing", name));
     }
+    if (common_kind(arguments->captures) == CaptureKind::mechanical) {
+      run_mechanical(*arguments, *command);
+      return;
+    }
+    refuse_options(*command, MechanicalArguments::names(), "videos");
+    refuse_options(*command, kMechanicalFitOptions, "videos");
     if (arguments->coarse == std::vector<std::string>{"none"}) arguments->coarse.clear();
     run(*arguments);
   });
