@@ -75,7 +75,23 @@ Fabric from_table(const TomlTable& file) {
     read_parameter(parameters.table(infos[i].name), static_cast<int>(i), fabric);
   parameters.finish();
   file.finish();
+  try {
+    validate(fabric);
+  } catch (const Error& error) {
+    throw error_at(file.where("parameters"), error.what());
+  }
   return fabric;
+}
+
+/// Throws unless [[uu, uv], [uv, vv]] is positive definite.
+void check_coupling(const Fabric& fabric, const std::string& group) {
+  const double uu = fabric.value(group + "_uu"), uv = fabric.value(group + "_uv"),
+               vv = fabric.value(group + "_vv");
+  if (uu > 0 && vv > 0 && uv * uv < uu * vv) return;
+  throw Error(fmt::format(
+      "{0}_uu = {1}, {0}_uv = {2}, {0}_vv = {3} are no stable fabric: {0}_uv must be below "
+      "sqrt({0}_uu {0}_vv) = {4:.6g}",
+      group, uu, uv, vv, std::sqrt(uu * vv)));
 }
 
 std::string preset_names() {
@@ -115,6 +131,21 @@ ParameterInfo Fabric::info(int index) const {
   if (lower.size() > 0) row.lower = lower[index];
   if (upper.size() > 0) row.upper = upper[index];
   return row;
+}
+
+void validate(const Fabric& fabric) {
+  const auto infos = model_parameters(fabric.model);
+  if (fabric.values.size() != static_cast<Eigen::Index>(infos.size()))
+    throw Error(fmt::format("fabric \"{}\" has {} values, its model {}", fabric.name,
+                            fabric.values.size(), infos.size()));
+  for (Eigen::Index i = 0; i < fabric.values.size(); ++i)
+    if (!(fabric.values[i] >= 0 && std::isfinite(fabric.values[i])))
+      throw Error(fmt::format("fabric \"{}\": {} = {} is not a finite number >= 0", fabric.name,
+                              infos[static_cast<std::size_t>(i)].name, fabric.values[i]));
+  if (fabric.model == "stvk") {
+    check_coupling(fabric, "membrane");
+    check_coupling(fabric, "bend");
+  }
 }
 
 std::string fabric_to_toml(const Fabric& fabric) {

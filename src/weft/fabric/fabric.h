@@ -28,8 +28,15 @@ struct Fabric {
   ParameterInfo info(int index) const;
 };
 
-/// fabric.toml, see docs/formats.md. Rejects unknown keys, missing parameters and values outside
-/// their ranges. `lower`/`upper` written in a file narrow or widen the search, never the meaning.
+/// Throws Error unless there is a finite value for each parameter, none is negative, and those that
+/// are only valid together are: of "stvk", the stiffness matrices of membrane and plate must be
+/// positive definite, membrane_uv^2 < membrane_uu membrane_vv and bend_uv^2 < bend_uu bend_vv.
+/// Ranges are not looked at: a value may lie outside the range of the search.
+void validate(const Fabric& fabric);
+
+/// fabric.toml, see docs/formats.md. Rejects unknown keys, missing parameters, values outside
+/// their ranges and what validate() rejects. `lower`/`upper` written in a file narrow or widen the
+/// search, never the meaning.
 Fabric read_fabric(const std::filesystem::path& path);
 void write_fabric(const std::filesystem::path& path, const Fabric& fabric);
 

@@ -10,7 +10,6 @@
 namespace weft {
 namespace {
 
-constexpr std::string_view kModel = "baraff-witkin";
 constexpr double kShift = 0.1;  // of the parameter's unit, see Scale::shifted_log
 
 constexpr std::array<ParameterInfo, 9> kBaraffWitkin = {{
@@ -43,6 +42,37 @@ constexpr std::array<ParameterInfo, 9> kBaraffWitkin = {{
      "Bhat 2003, section 3, drag law"},
 }};
 
+constexpr const char* kMembraneSource = "Larionov 2022, section 3.3.1, equations 5 and 6";
+constexpr const char* kPlateSource = "theory of thin orthotropic plates, M = D kappa";
+
+constexpr std::array<ParameterInfo, 8> kStvk = {{
+    {"membrane_uu", "N/m", 0.1, 1e6, 500, Scale::logarithmic,
+     "A11: force per width along the weft by Green strain along the weft.", kMembraneSource},
+    {"membrane_uv", "N/m", 1e-4, 1e6, 50, Scale::logarithmic,
+     "A12: force per width along one thread by strain along the other; A12^2 < A11 A22.",
+     kMembraneSource},
+    {"membrane_vv", "N/m", 0.1, 1e6, 500, Scale::logarithmic,
+     "A22: force per width along the warp by Green strain along the warp.", kMembraneSource},
+    {"membrane_shear", "N/m", 0.01, 1e6, 50, Scale::logarithmic,
+     "A66: shear force per width by the change of the angle between weft and warp.",
+     kMembraneSource},
+    {"bend_uu", "N m", 1e-9, 1, 1e-5, Scale::logarithmic,
+     "D11: moment per width by curvature along the weft.", kPlateSource},
+    {"bend_uv", "N m", 1e-12, 1, 1e-6, Scale::logarithmic,
+     "D12: moment per width along one thread by curvature along the other; D12^2 < D11 D22.",
+     kPlateSource},
+    {"bend_vv", "N m", 1e-9, 1, 1e-5, Scale::logarithmic,
+     "D22: moment per width by curvature along the warp.", kPlateSource},
+    {"bend_twist", "N m", 1e-10, 1, 5e-6, Scale::logarithmic,
+     "D66: twisting moment per width by twice the twist, M12 = D66 2 kappa_12.", kPlateSource},
+}};
+
+struct ModelTable {
+  std::string_view model;
+  std::span<const ParameterInfo> parameters;
+};
+constexpr std::array<ModelTable, 2> kModels = {{{"baraff-witkin", kBaraffWitkin}, {"stvk", kStvk}}};
+
 double search_coordinate(Scale scale, double value) {
   return scale == Scale::logarithmic ? std::log(value) : std::log1p(value / kShift);
 }
@@ -56,9 +86,12 @@ double from_search_coordinate(Scale scale, double t) {
 std::span<const ParameterInfo> baraff_witkin_parameters() { return kBaraffWitkin; }
 
 std::span<const ParameterInfo> model_parameters(std::string_view model) {
-  if (model != kModel)
-    throw Error(fmt::format("model \"{}\" is not known; known: \"{}\"", model, kModel));
-  return kBaraffWitkin;
+  std::string known;
+  for (const ModelTable& table : kModels) {
+    if (table.model == model) return table.parameters;
+    known += fmt::format("{}\"{}\"", known.empty() ? "" : ", ", table.model);
+  }
+  throw Error(fmt::format("model \"{}\" is not known; known: {}", model, known));
 }
 
 int parameter_index(std::string_view model, std::string_view name) {

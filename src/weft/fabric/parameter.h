@@ -30,7 +30,9 @@ struct ParameterInfo {
 /// bend_damping, drag_linear, drag_quadratic, drag_degradation.
 std::span<const ParameterInfo> baraff_witkin_parameters();
 
-/// Models known by name; at present "baraff-witkin". Throws Error for another name.
+/// The table of a model. Models known by name: "baraff-witkin", and "stvk" with membrane_uu,
+/// membrane_uv, membrane_vv, membrane_shear (A11, A12, A22, A66), bend_uu, bend_uv, bend_vv,
+/// bend_twist (D11, D12, D22, D66). Throws Error for another name.
 std::span<const ParameterInfo> model_parameters(std::string_view model);
 
 /// Index in the model's table; throws Error naming the known ones.

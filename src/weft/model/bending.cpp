@@ -39,13 +39,12 @@ void project_out(std::vector<Vec3> directions, Mat3& map) {
   }
 }
 
-BendingElement make_element(const TriangleMesh& mesh, int triangle,
+BendingElement make_element(const TriangleMesh& mesh, int triangle, RimAngles rim,
                             const std::map<Edge, std::vector<int>>& all_apexes) {
   const auto& t = mesh.triangles[at(triangle)];
   BendingElement element;
   element.area = material_area(mesh, triangle);
   Mat3 map = Mat3::Zero();
-  std::vector<Vec3> rim;
   for (std::size_t j = 0; j < 3; ++j) {
     const int a = t[j], b = t[(j + 1) % 3], apex = t[(j + 2) % 3];
     element.vertices[j] = a;
@@ -58,10 +57,10 @@ BendingElement make_element(const TriangleMesh& mesh, int triangle,
       map.col(static_cast<Eigen::Index>(j)) = length / (2 * element.area) * direction;
     } else {
       element.vertices[3 + j] = a;
-      rim.push_back(direction);
+      element.rim.push_back(direction);
     }
   }
-  project_out(rim, map);
+  if (rim == RimAngles::projected) project_out(element.rim, map);
   for (std::size_t k = 0; k < 3; ++k)
     for (std::size_t j = 0; j < 3; ++j)
       element.map.r[k][j] = map(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(j));
@@ -107,15 +106,17 @@ double twist_factor(const TriangleMesh& mesh, const std::vector<BendingElement>&
 
 }  // namespace
 
-std::vector<BendingElement> bending_elements(const TriangleMesh& mesh) {
+std::vector<BendingElement> bending_elements(const TriangleMesh& mesh, RimAngles rim) {
   const auto all_apexes = apexes(mesh);
   std::vector<BendingElement> elements;
   elements.reserve(mesh.triangles.size());
   for (int t = 0; t < mesh.triangle_count(); ++t)
-    elements.push_back(make_element(mesh, t, all_apexes));
+    elements.push_back(make_element(mesh, t, rim, all_apexes));
   const double factor = std::sqrt(twist_factor(mesh, elements));
-  for (BendingElement& element : elements)
+  for (BendingElement& element : elements) {
     for (double& entry : element.map.r[2]) entry *= factor;
+    for (Vec3& direction : element.rim) direction.z() *= factor;
+  }
   return elements;
 }
 

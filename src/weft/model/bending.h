@@ -37,9 +37,18 @@ struct BendingElement {
   std::array<int, 6> vertices;
   CurvatureMap<double> map;  ///< 1/m, with the factor of the twist
   double area;               ///< m^2
+  /// What an angle at each edge on the rim would add to the curvature components, per 1/m.
+  std::vector<Vec3> rim;
+};
+
+/// What becomes of the angles on the rim.
+enum class RimAngles {
+  projected,  ///< minimized over for a law without Poisson effect: `map` holds the projection
+  open,       ///< left out of `map`; the law minimizes over multiples of `rim` itself
 };
 
 /// One a triangle, in the mesh's order.
-std::vector<BendingElement> bending_elements(const TriangleMesh& mesh);
+std::vector<BendingElement> bending_elements(const TriangleMesh& mesh,
+                                             RimAngles rim = RimAngles::projected);
 
 }  // namespace weft

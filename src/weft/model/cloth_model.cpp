@@ -442,17 +442,10 @@ ClothModel::ClothModel(ClothModel&&) noexcept = default;
 ClothModel& ClothModel::operator=(ClothModel&&) noexcept = default;
 
 void ClothModel::set_fabric(const Fabric& fabric) {
-  const auto infos = baraff_witkin_parameters();
   if (fabric.model != "baraff-witkin")
     throw Error(fmt::format("fabric \"{}\" is of model \"{}\"; \"baraff-witkin\" is needed",
                             fabric.name, fabric.model));
-  if (fabric.values.size() != static_cast<Eigen::Index>(infos.size()))
-    throw Error(fmt::format("fabric \"{}\" has {} values, its model {}", fabric.name,
-                            fabric.values.size(), infos.size()));
-  for (Eigen::Index i = 0; i < fabric.values.size(); ++i)
-    if (!(fabric.values[i] >= 0 && std::isfinite(fabric.values[i])))
-      throw Error(fmt::format("fabric \"{}\": {} = {} is not a finite number >= 0", fabric.name,
-                              infos[static_cast<std::size_t>(i)].name, fabric.values[i]));
+  validate(fabric);
   impl_->coefficients = Coefficients::from(fabric.values);
   impl_->values = fabric.values;
 }

@@ -5,16 +5,10 @@
 #include <vector>
 
 #include "weft/model/bending.h"
+#include "weft/model/block_pattern.h"
 #include "weft/strain/triangle_shape.h"
 
 namespace weft::detail {
-
-/// Where the 3 x 3 blocks of a vertex' columns start in the values of the lower triangle. Column
-/// 3 v has `length` entries, columns 3 v + 1 and 3 v + 2 one and two fewer (the triangle's corner).
-struct ColumnLayout {
-  int start;
-  int length;
-};
 
 /// kLanes triangles. Vertices of each are in ascending order, so that all their blocks lie below
 /// the diagonal. Groups are filled up with copies of the last element that have no weight.
@@ -26,8 +20,8 @@ struct TriangleGroup {
 };
 
 /// kLanes triangles with their neighbours. `slots` of the blocks (1,0), (2,0), (2,1), (3,0) ...
-/// (5,4); where the row's vertex comes before the column's, the block is written transposed and its
-/// slot is ~slot.
+/// (5,4), see kPairs; where the row's vertex comes before the column's, the block is written
+/// transposed and its slot is ~slot.
 struct BendingGroup {
   int count;
   std::array<std::array<int, kLanes>, 6> vertices;
@@ -35,23 +29,6 @@ struct BendingGroup {
   CurvatureMap<Lanes> map;
   Lanes area;
 };
-
-/// Pairs (row, column) of the off-diagonal blocks of an element, in the order of `slots`.
-inline constexpr std::array<std::array<std::size_t, 2>, 15> kPairs = {{{1, 0},
-                                                                       {2, 0},
-                                                                       {2, 1},
-                                                                       {3, 0},
-                                                                       {3, 1},
-                                                                       {3, 2},
-                                                                       {4, 0},
-                                                                       {4, 1},
-                                                                       {4, 2},
-                                                                       {4, 3},
-                                                                       {5, 0},
-                                                                       {5, 1},
-                                                                       {5, 2},
-                                                                       {5, 3},
-                                                                       {5, 4}}};
 
 struct Elements {
   std::vector<TriangleGroup> triangles;

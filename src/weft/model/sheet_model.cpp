@@ -1,0 +1,369 @@
+#include "weft/model/sheet_model.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+namespace weft::detail {
+namespace {
+
+using Mat2 = Eigen::Matrix2d;
+using Mat63 = Eigen::Matrix<double, 6, 3>;
+using Mat6 = Eigen::Matrix<double, 6, 6>;
+using Mat9 = Eigen::Matrix<double, 9, 9>;
+using Mat18 = Eigen::Matrix<double, 18, 18>;
+using Mat18x3 = Eigen::Matrix<double, 18, 3>;
+
+/// (w_u, w_v) of a triangle.
+Mat32 deformation(const TriangleShape<double>& shape, const std::array<int, 3>& v,
+                  const Points& x) {
+  const Vec3 a = x.col(v[1]) - x.col(v[0]), b = x.col(v[2]) - x.col(v[0]);
+  Mat32 w;
+  w.col(0) = shape.du1 * a + shape.du2 * b;
+  w.col(1) = shape.dv1 * a + shape.dv2 * b;
+  return w;
+}
+
+Vec3 green_strain(const Mat32& w) {
+  return {0.5 * (w.col(0).squaredNorm() - 1), 0.5 * (w.col(1).squaredNorm() - 1),
+          w.col(0).dot(w.col(1))};
+}
+
+/// Derivative of the Green strain by (w_u, w_v), a column a strain.
+template <class Derived>
+auto strain_gradient(const Eigen::MatrixBase<Derived>& w) {
+  constexpr int n = Derived::RowsAtCompileTime;
+  Eigen::Matrix<double, 2 * n, 3> b;
+  b.setZero();
+  b.template block<n, 1>(0, 0) = w.col(0);
+  b.template block<n, 1>(n, 1) = w.col(1);
+  b.template block<n, 1>(0, 2) = w.col(1);
+  b.template block<n, 1>(n, 2) = w.col(0);
+  return b;
+}
+
+Mat2 stress_matrix(const Vec3& stress) {
+  Mat2 s;
+  s << stress[0], stress[2], stress[2], stress[1];
+  return s;
+}
+
+/// Without its negative eigenvalues.
+template <class Matrix>
+Matrix positive_part(const Matrix& a) {
+  if (Eigen::LLT<Matrix>(a).info() == Eigen::Success) return a;
+  const Eigen::SelfAdjointEigenSolver<Matrix> solver(a);
+  return solver.eigenvectors() * solver.eigenvalues().cwiseMax(0).asDiagonal() *
+         solver.eigenvectors().transpose();
+}
+
+/// h += s x a: the 3 x 3 matrix `a` in each block, times the entry of `s`.
+void add_kronecker(const Mat2& s, const Mat3& a, Mat6& h) {
+  for (int i = 0; i < 2; ++i)
+    for (int j = 0; j < 2; ++j) h.block<3, 3>(3 * i, 3 * j) += s(i, j) * a;
+}
+
+/// Is the exact Hessian positive definite against what stays in the plane?
+bool positive_in_the_plane(const Mat32& w, const Vec3& normal, const SheetResponse& r) {
+  const Vec3 first = w.col(0).normalized(), second = normal.cross(first);
+  Mat2 plane;
+  plane << first.dot(w.col(0)), first.dot(w.col(1)), second.dot(w.col(0)), second.dot(w.col(1));
+  const auto b = strain_gradient(plane);
+  Eigen::Matrix4d h = b * r.stiffness * b.transpose();
+  const Mat2 s = stress_matrix(r.stress);
+  for (int i = 0; i < 2; ++i)
+    for (int j = 0; j < 2; ++j) h.block<2, 2>(2 * i, 2 * j).diagonal().array() += s(i, j);
+  return Eigen::LLT<Eigen::Matrix4d>(h).info() == Eigen::Success;
+}
+
+/// By (w_u, w_v), a density.
+Mat6 membrane_hessian(const Mat32& w, const SheetResponse& r, HessianKind kind) {
+  const Mat63 b = strain_gradient(w);
+  const Mat2 s = stress_matrix(r.stress);
+  Mat6 h;
+  if (kind == HessianKind::exact) {
+    h = b * r.stiffness * b.transpose();
+    add_kronecker(s, Mat3::Identity(), h);
+    return h;
+  }
+  const Mat2 tension = positive_part(s);
+  const Vec3 area_vector = w.col(0).cross(w.col(1));
+  const double squares = w.squaredNorm();
+  if (area_vector.norm() > 1e-8 * squares) {
+    const Vec3 normal = area_vector.normalized();
+    if (positive_in_the_plane(w, normal, r)) {
+      const Mat3 across = normal * normal.transpose();
+      h = b * r.stiffness * b.transpose();
+      add_kronecker(s, Mat3::Identity() - across, h);
+      add_kronecker(tension, across, h);
+      return h;
+    }
+  }
+  h = b * positive_part(r.stiffness) * b.transpose();
+  add_kronecker(tension, Mat3::Identity(), h);
+  return h;
+}
+
+std::array<Vector3<double>, 6> positions(const std::array<int, 6>& vertices, const Points& x) {
+  std::array<Vector3<double>, 6> out;
+  for (std::size_t i = 0; i < 6; ++i) out[i] = to_vector3(x.col(vertices[i]));
+  return out;
+}
+
+Vec3 vector(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
+std::array<double, 3> array(const Vec3& a) { return {a[0], a[1], a[2]}; }
+
+/// The gradients of the three curvature components, by vertices.
+Mat18x3 curvature_jacobian(const CurvatureMap<double>& map, const TriangleCurvature<double>& c) {
+  Mat18x3 out = Mat18x3::Zero();
+  for (std::size_t j = 0; j < 3; ++j) {
+    const auto g = c.angles[j].gradient();
+    const auto v = hinge_vertices(j);
+    for (std::size_t k = 0; k < 3; ++k)
+      for (std::size_t i = 0; i < 4; ++i)
+        out.block<3, 1>(static_cast<Eigen::Index>(3 * v[i]), static_cast<Eigen::Index>(k)) +=
+            map.r[k][j] * to_eigen(g[i]);
+  }
+  return out;
+}
+
+/// The terms of the second derivatives of the angles, `moment` by curvature component.
+void add_second_derivatives(const CurvatureMap<double>& map, const TriangleCurvature<double>& c,
+                            const Vec3& moment, Mat18& h) {
+  CurvatureHessian<double> blocks{};
+  add_curvature_hessian(map, c, array(moment), blocks);
+  for (std::size_t i = 0; i < 6; ++i) {
+    const auto row = static_cast<Eigen::Index>(3 * i);
+    h.block<3, 3>(row, row) += to_eigen(blocks.diagonal[i].full());
+    for (std::size_t j = 0; j < i; ++j) {
+      const auto column = static_cast<Eigen::Index>(3 * j);
+      h.block<3, 3>(row, column) += to_eigen(blocks.lower[blocks.index(i, j)]);
+    }
+  }
+}
+
+/// Adds the lower blocks of `h` to the matrix.
+template <std::size_t kVertices, std::size_t kSlots, class Matrix>
+void add_blocks(const BlockPattern& pattern, const std::array<int, kVertices>& vertices,
+                const std::array<int, kSlots>& slots, const Matrix& h, double* values) {
+  for (std::size_t i = 0; i < kVertices; ++i) {
+    const auto row = static_cast<Eigen::Index>(3 * i);
+    pattern.add_diagonal(values, vertices[i], h.template block<3, 3>(row, row));
+  }
+  for (std::size_t k = 0; k < kSlots; ++k) {
+    const auto [i, j] = kPairs[k];
+    pattern.add_off_diagonal(
+        values, vertices[i], vertices[j], slots[k],
+        h.template block<3, 3>(static_cast<Eigen::Index>(3 * i), static_cast<Eigen::Index>(3 * j)));
+  }
+}
+
+template <std::size_t kVertices, std::size_t kSlots>
+void find_slots(const BlockPattern& pattern, const std::array<int, kVertices>& vertices,
+                std::array<int, kSlots>& slots) {
+  for (std::size_t k = 0; k < kSlots; ++k)
+    slots[k] = pattern.slot(vertices[kPairs[k][0]], vertices[kPairs[k][1]]);
+}
+
+/// The stiffness against the rim's angles, inverted on the span of their directions; `rim` projects
+/// onto it.
+Mat3 rim_compliance(const Mat3& stiffness, const Mat3& rim) {
+  const Mat3 c = positive_part(stiffness);
+  const double size = c.trace() + std::numeric_limits<double>::min();
+  const Mat3 h =
+      rim * (c + 1e-14 * size * Mat3::Identity()) * rim + size * (Mat3::Identity() - rim);
+  return Eigen::LDLT<Mat3>(h).solve(rim);
+}
+
+/// Projects onto the span of `directions`.
+Mat3 span_projection(const std::vector<Vec3>& directions) {
+  Mat3 projection = Mat3::Zero();
+  for (const Vec3& direction : directions) {
+    const Vec3 rest = direction - projection * direction;
+    if (rest.norm() > 1e-9 * direction.norm())
+      projection += rest.normalized() * rest.normalized().transpose();
+  }
+  return projection;
+}
+
+}  // namespace
+
+TriangleMesh along_the_threads(const TriangleMesh& mesh, double grain_angle) {
+  TriangleMesh turned = mesh;
+  if (grain_angle != 0)
+    turned.material = Eigen::Rotation2Dd(-grain_angle).toRotationMatrix() * mesh.material;
+  return turned;
+}
+
+SheetModel::SheetModel(const TriangleMesh& mesh, const Fabric& fabric, double grain_angle,
+                       std::unique_ptr<SheetLaw> membrane, std::unique_ptr<SheetLaw> bending)
+    : mesh_(mesh),
+      fabric_(fabric),
+      membrane_(std::move(membrane)),
+      bending_(std::move(bending)),
+      pattern_(mesh.vertex_count()) {
+  const TriangleMesh turned = along_the_threads(mesh, grain_angle);
+  const auto bends = bending_elements(turned, RimAngles::open);
+  for (const BendingElement& bend : bends) pattern_.add_element(bend.vertices);
+  pattern_.finish();
+  for (std::size_t t = 0; t < bends.size(); ++t) {
+    Triangle triangle{mesh.triangles[t], {}, {}};
+    const auto& v = triangle.vertices;
+    triangle.shape = triangle_shape(turned.material.col(v[0]), turned.material.col(v[1]),
+                                    turned.material.col(v[2]));
+    find_slots(pattern_, triangle.vertices, triangle.slots);
+    triangles_.push_back(triangle);
+    const BendingElement& bend = bends[t];
+    Plate plate{
+        bend.vertices, {}, bend.map, bend.area, !bend.rim.empty(), span_projection(bend.rim)};
+    find_slots(pattern_, plate.vertices, plate.slots);
+    plates_.push_back(plate);
+  }
+  set_parameters(fabric.values);
+}
+
+void SheetModel::set_parameters(const VecX& values) {
+  Fabric changed = fabric_;
+  changed.values = values;
+  validate(changed);
+  fabric_.values = values;
+  membrane_->set_parameters(values.head(membrane_->parameter_count()));
+  bending_->set_parameters(values.tail(bending_->parameter_count()));
+}
+
+SheetModel::Bent SheetModel::bend(const Plate& plate, const Vec3& curvature) const {
+  Bent bent{curvature, Mat3::Identity(), bending_->respond(curvature)};
+  SheetResponse& r = bent.response;
+  if (!plate.on_rim) return bent;
+  // Newton's iteration for the angles on the rim: one step where the law is linear.
+  constexpr int kMostSteps = 30;
+  const double scale = r.stress.norm();
+  for (int step = 0; step < kMostSteps; ++step) {
+    const Vec3 residual = plate.rim * r.stress;
+    if (!(residual.norm() > 1e-13 * scale)) break;
+    Vec3 change = -(rim_compliance(r.stiffness, plate.rim) * residual);
+    SheetResponse next = bending_->respond(bent.strain + change);
+    for (int halving = 0; next.energy > r.energy && halving < kMostSteps; ++halving) {
+      change *= 0.5;
+      next = bending_->respond(bent.strain + change);
+    }
+    if (next.energy > r.energy) break;  // rounding
+    bent.strain += change;
+    r = next;
+  }
+  bent.projection = Mat3::Identity() - r.stiffness * rim_compliance(r.stiffness, plate.rim);
+  r.stress = bent.projection * r.stress;
+  const Mat3 stiffness = bent.projection * r.stiffness;
+  r.stiffness = 0.5 * (stiffness + stiffness.transpose());
+  return bent;
+}
+
+double SheetModel::energy(const Points& x) const {
+  double sum = 0;
+  for (const Triangle& t : triangles_)
+    sum +=
+        t.shape.area * membrane_->respond(green_strain(deformation(t.shape, t.vertices, x))).energy;
+  for (const Plate& plate : plates_) {
+    const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
+    sum += plate.area * bend(plate, vector(c.value)).response.energy;
+  }
+  return sum;
+}
+
+void SheetModel::gradient(const Points& x, Points& gradient) const {
+  gradient.setZero(3, mesh_.vertex_count());
+  for (const Triangle& t : triangles_) {
+    const Mat32 w = deformation(t.shape, t.vertices, x);
+    add_gradient(t, w * stress_matrix(membrane_->respond(green_strain(w)).stress), gradient);
+  }
+  for (const Plate& plate : plates_) {
+    const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
+    add_gradient(plate, c, bend(plate, vector(c.value)).response.stress, gradient);
+  }
+}
+
+void SheetModel::hessian(const Points& x, HessianKind kind, Points& gradient,
+                         SparseMatrix& hessian) const {
+  assert(hessian.nonZeros() == pattern_.matrix().nonZeros());
+  gradient.setZero(3, mesh_.vertex_count());
+  for (const Triangle& t : triangles_) add_hessian(t, x, kind, gradient, hessian.valuePtr());
+  for (const Plate& plate : plates_) add_hessian(plate, x, kind, gradient, hessian.valuePtr());
+}
+
+void SheetModel::add_gradient(const Triangle& t, const Mat32& by_deformation,
+                              Points& gradient) const {
+  const auto& s = t.shape;
+  const Vec3 g1 = s.area * (s.du1 * by_deformation.col(0) + s.dv1 * by_deformation.col(1));
+  const Vec3 g2 = s.area * (s.du2 * by_deformation.col(0) + s.dv2 * by_deformation.col(1));
+  gradient.col(t.vertices[0]) -= g1 + g2;
+  gradient.col(t.vertices[1]) += g1;
+  gradient.col(t.vertices[2]) += g2;
+}
+
+void SheetModel::add_gradient(const Plate& plate, const TriangleCurvature<double>& curvature,
+                              const Vec3& moment, Points& gradient) const {
+  const auto g = curvature_gradient(plate.map, curvature, array(plate.area * moment));
+  for (std::size_t i = 0; i < 6; ++i) gradient.col(plate.vertices[i]) += to_eigen(g[i]);
+}
+
+void SheetModel::add_hessian(const Triangle& t, const Points& x, HessianKind kind, Points& gradient,
+                             double* values) const {
+  const Mat32 w = deformation(t.shape, t.vertices, x);
+  const SheetResponse r = membrane_->respond(green_strain(w));
+  add_gradient(t, w * stress_matrix(r.stress), gradient);
+  const Mat6 h = t.shape.area * membrane_hessian(w, r, kind);
+  const auto du = t.shape.du(), dv = t.shape.dv();
+  Mat9 blocks;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j <= i; ++j)
+      blocks.block<3, 3>(static_cast<Eigen::Index>(3 * i), static_cast<Eigen::Index>(3 * j)) =
+          (du[i] * du[j]) * h.block<3, 3>(0, 0) + (du[i] * dv[j]) * h.block<3, 3>(0, 3) +
+          (dv[i] * du[j]) * h.block<3, 3>(3, 0) + (dv[i] * dv[j]) * h.block<3, 3>(3, 3);
+  add_blocks(pattern_, t.vertices, t.slots, blocks, values);
+}
+
+void SheetModel::add_hessian(const Plate& plate, const Points& x, HessianKind kind,
+                             Points& gradient, double* values) const {
+  const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
+  const Bent bent = bend(plate, vector(c.value));
+  const SheetResponse& r = bent.response;
+  add_gradient(plate, c, r.stress, gradient);
+  const Mat18x3 jacobian = curvature_jacobian(plate.map, c);
+  const Mat3 stiffness =
+      plate.area * (kind == HessianKind::exact ? r.stiffness : positive_part(r.stiffness));
+  Mat18 h = (jacobian * stiffness).lazyProduct(jacobian.transpose());
+  if (kind == HessianKind::exact) add_second_derivatives(plate.map, c, plate.area * r.stress, h);
+  add_blocks(pattern_, plate.vertices, plate.slots, h, values);
+}
+
+void SheetModel::parameter_derivative(const Points& x, MatX& derivative) const {
+  const int of_membrane = membrane_->parameter_count(), of_bending = bending_->parameter_count();
+  derivative.setZero(3 * mesh_.vertex_count(), of_membrane + of_bending);
+  Eigen::Matrix3Xd stress(3, of_membrane), moment(3, of_bending);
+  for (const Triangle& t : triangles_) {
+    const Mat32 w = deformation(t.shape, t.vertices, x);
+    membrane_->stress_derivative(green_strain(w), stress);
+    const auto du = t.shape.du(), dv = t.shape.dv();
+    for (int p = 0; p < of_membrane; ++p) {
+      const Mat32 g = t.shape.area * w * stress_matrix(stress.col(p));
+      for (std::size_t i = 0; i < 3; ++i)
+        derivative.col(p).segment<3>(3 * t.vertices[i]) += du[i] * g.col(0) + dv[i] * g.col(1);
+    }
+  }
+  for (const Plate& plate : plates_) {
+    const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
+    const Bent bent = bend(plate, vector(c.value));
+    bending_->stress_derivative(bent.strain, moment);
+    const Mat18x3 jacobian = curvature_jacobian(plate.map, c) * (plate.area * bent.projection);
+    for (int p = 0; p < of_bending; ++p)
+      for (std::size_t i = 0; i < 6; ++i)
+        derivative.col(of_membrane + p).segment<3>(3 * plate.vertices[i]) +=
+            jacobian.middleRows<3>(static_cast<Eigen::Index>(3 * i)) * moment.col(p);
+  }
+}
+
+}  // namespace weft::detail
