@@ -86,7 +86,7 @@ void run_mechanical(const Arguments& arguments) {
       simulate_mechanical({trial}, fabric, MechanicalDerivatives::none, arguments.trial.threads());
   const MechanicalEvaluation evaluation = compare_mechanical(*trial, frames.front());
   if (arguments.json)
-    fmt::print("{}\n", to_json(evaluation).dump(2));
+    fmt::print("{}\n", mechanical_json(evaluation).dump(2));
   else
     fmt::print("{}\n{}", summary(evaluation), complaints(evaluation));
 }

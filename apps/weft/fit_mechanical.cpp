@@ -123,7 +123,7 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
   nlohmann::json result = nlohmann::json::parse(result_to_json(report));
   nlohmann::json list = nlohmann::json::array();
   for (std::size_t i = 0; i < captures.size(); ++i) {
-    nlohmann::json entry = to_json(evaluations[i]);
+    nlohmann::json entry = mechanical_json(evaluations[i]);
     entry["name"] = captures[i].name;
     entry["folder"] = captures[i].folder.string();
     list.push_back(entry);

@@ -108,7 +108,7 @@ void check_mechanical(const std::string& folder) {
   fmt::print("ok\n");
 }
 
-nlohmann::json to_json(const MechanicalEvaluation& evaluation) {
+nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation) {
   nlohmann::json frames = nlohmann::json::array();
   for (const MechanicalDifference& frame : evaluation.frames) {
     nlohmann::json object = {{"frame", frame.frame},

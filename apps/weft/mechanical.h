@@ -34,7 +34,7 @@ CaptureKind common_kind(const std::vector<std::string>& folders);
 
 void check_mechanical(const std::string& folder);
 
-nlohmann::json to_json(const MechanicalEvaluation& evaluation);
+nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation);
 /// One line: force and distances over all frames.
 std::string summary(const MechanicalEvaluation& evaluation);
 /// Frames without equilibrium, one line each, for the terminal; empty where there are none.

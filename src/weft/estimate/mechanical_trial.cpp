@@ -13,8 +13,9 @@ namespace weft {
 namespace {
 
 constexpr int kMostCells = 200;
-constexpr double kWidestCell = 2;   // of the narrow side
-constexpr double kSameLine = 1e-7;  // m
+constexpr double kWidestCell = 2;     // of the narrow side
+constexpr double kFinestCell = 0.25;  // at a clip, of the widest one
+constexpr double kSameLine = 1e-7;    // m
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -57,23 +58,37 @@ double free_side(const std::vector<Extent>& extents, double size) {
   return longest > 0 ? longest : size;
 }
 
+/// Lines above `lower` up to `upper`, two neighbouring borders of clips, and those beside them.
+void add_interval(double lower, double upper, double spacing, const std::vector<Extent>& extents,
+                  std::vector<double>& lines) {
+  GridGrading grading{.spacing = spacing, .first = kFinestCell * spacing};
+  bool inside = false;
+  for (const Extent& extent : extents) {
+    if (!extent.whole) continue;
+    inside |= extent.lower < lower + kSameLine && extent.upper > upper - kSameLine;
+    grading.fine_lower |= std::abs(extent.upper - lower) < kSameLine;
+    grading.fine_upper |= std::abs(extent.lower - upper) < kSameLine;
+  }
+  if (inside) {  // rigid: one cell will do
+    lines.push_back(upper);
+    return;
+  }
+  const std::vector<double> cells = graded_lines(lower, upper, grading);
+  const double first = cells[1] - cells[0], last = upper - cells[cells.size() - 2];
+  if (grading.fine_lower) lines.push_back(lower - kClampStrip * first);
+  lines.insert(lines.end(), cells.begin() + 1, cells.end());
+  if (grading.fine_upper) lines.push_back(upper + kClampStrip * last);
+}
+
 std::vector<double> lines_along(const std::vector<Extent>& extents, double size, double spacing) {
-  const double strip = kClampStrip * spacing;
-  std::vector<double> fixed;
-  for (const Extent& extent : extents) {
-    fixed.insert(fixed.end(), {extent.lower, extent.upper});
-    if (!extent.whole) continue;
-    if (extent.lower > kSameLine) fixed.push_back(extent.lower + strip);
-    if (extent.upper < size - kSameLine) fixed.push_back(extent.upper - strip);
-  }
-  std::vector<double> lines = grid_lines(size, fixed, spacing);
-  // Cloth in a clip is rigid: one cell will do.
-  for (const Extent& extent : extents) {
-    if (!extent.whole) continue;
-    const double low = extent.lower > kSameLine ? extent.lower + strip : 0;
-    const double high = extent.upper < size - kSameLine ? extent.upper - strip : size;
-    std::erase_if(lines, [&](double l) { return l > low + kSameLine && l < high - kSameLine; });
-  }
+  std::vector<double> borders;
+  for (const Extent& extent : extents) borders.insert(borders.end(), {extent.lower, extent.upper});
+  // With a spacing as wide as the swatch: the borders alone.
+  const std::vector<double> fixed = grid_lines(size, borders, size);
+  std::vector<double> lines{0.0};
+  for (std::size_t i = 0; i + 1 < fixed.size(); ++i)
+    add_interval(fixed[i], fixed[i + 1], spacing, extents, lines);
+  std::sort(lines.begin(), lines.end());
   return lines;
 }
 

@@ -13,19 +13,22 @@ namespace weft {
 
 struct MechanicalOptions {
   /// Cells of the grid across the shortest free side of the cloth (of the swatch, and of what is
-  /// left between clips or beside one), 2 to 200. Cells across the other way are at most twice as
-  /// wide as narrow.
+  /// left between clips or beside one), 2 to 200; more where they are finer at a clip. Along the
+  /// other side cells are at most twice as wide.
   int cells = 16;
   GridPattern pattern = GridPattern::alternating;
   StaticOptions statics;
 };
 
-/// Frames in which the clips hold the same regions: one mesh.
+/// Frames in which the clips hold the same regions: one mesh, whose grid lines lie on the borders
+/// of the clips.
 ///
-/// Where a clip reaches across the whole swatch its border has a second grid line beside it, inside
-/// the clip, at kClampStrip of a cell. A dihedral angle at the border belongs to the triangles on
-/// both sides; on a mesh without that strip half of it would bend cloth that the clip holds flat,
-/// and the clamp would lie half a cell deep in the clip.
+/// Where a clip reaches across the whole swatch the cloth bends and strains most: cells are a
+/// quarter as wide there, and grow by a tenth from one to the next. Such a border has a second line
+/// beside it, inside the clip, at kClampStrip of the width of the cell outside. A dihedral angle
+/// belongs to the triangles on both sides of its edge, D / (2 h) + D / (2 e) per width and angle
+/// for cells of h and e; what should be there is 2 D / h, the curvature over half a cell. With e =
+/// h the clamp would lie half a cell deep in the clip, with e = h / 3 it is where it is.
 struct MechanicalStage {
   TriangleMesh mesh;
   std::vector<int> frames;
@@ -33,7 +36,7 @@ struct MechanicalStage {
   SparseMatrix points;
   std::vector<char> point_held;  ///< flags of the measured points in a clip
 };
-inline constexpr double kClampStrip = 0.05;
+inline constexpr double kClampStrip = 1.0 / 3;  // of a cell
 
 struct MechanicalTrial {
   MechanicalCapture capture;

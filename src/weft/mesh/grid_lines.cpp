@@ -44,6 +44,37 @@ std::vector<double> grid_lines(double length, std::vector<double> borders, doubl
   return lines;
 }
 
+std::vector<double> graded_lines(double lower, double upper, const GridGrading& grading) {
+  const auto& [spacing, first, growth, fine_lower, fine_upper] = grading;
+  if (!(lower < upper) || !std::isfinite(upper - lower) || !(first > 0) || !(first <= spacing) ||
+      !(growth > 0))
+    throw Error(fmt::format("graded grid from {:g} to {:g} m, cells of {:g} to {:g} m: not valid",
+                            lower, upper, first, spacing));
+  // Cells counted from `lower`, as the integral of 1 / width by the midpoint rule; the lines are
+  // where it passes whole parts.
+  constexpr int kSteps = 2000;
+  const double step = (upper - lower) / kSteps;
+  std::vector<double> count{0.0};
+  for (int i = 0; i < kSteps; ++i) {
+    const double x = (i + 0.5) * step;
+    double width = spacing;
+    if (fine_lower) width = std::min(width, first + growth * x);
+    if (fine_upper) width = std::min(width, first + growth * (kSteps * step - x));
+    count.push_back(count.back() + step / width);
+  }
+  const int cells = std::max(1, static_cast<int>(std::ceil(count.back() - kRounding)));
+  std::vector<double> lines{lower};
+  std::size_t at = 1;
+  for (int k = 1; k < cells; ++k) {
+    const double wanted = count.back() * k / cells;
+    while (count[at] < wanted) ++at;
+    const double part = (wanted - count[at - 1]) / (count[at] - count[at - 1]);
+    lines.push_back(lower + (static_cast<double>(at - 1) + part) * step);
+  }
+  lines.push_back(upper);
+  return lines;
+}
+
 TriangleMesh make_swatch(const std::vector<double>& u, const std::vector<double>& v,
                          GridPattern pattern) {
   check_lines(u);
