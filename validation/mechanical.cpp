@@ -15,6 +15,7 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,7 @@ struct Arguments {
   std::vector<std::string> parts;
   std::vector<std::string> fabrics{"knit", "blend"};
   MechanicalOptions options;
+  std::size_t starts = 3;
   bool has(const std::string& part) const {
     return std::find(parts.begin(), parts.end(), part) != parts.end();
   }
@@ -156,7 +158,8 @@ void isolated_fit(const Arguments& arguments, const std::string& fabric) {
   for (const char* test : kIsolatedTests)
     trials.push_back(trial_of(arguments, fabric, test, arguments.options));
   const Fabric truth = true_fabric(trials.front()->capture);
-  for (const Start& start : kStarts) {
+  const std::size_t starts = std::min(arguments.starts, std::size(kStarts));
+  for (const Start& start : std::span(kStarts).first(starts)) {
     const MechanicalProblem problem(trials, truth, parameters(true));
     const MechanicalFitResult fit = fit_mechanical(problem, wrong_fabric(truth, start));
     print_fit(fit, truth,
@@ -193,6 +196,8 @@ Arguments parse(int argc, char** argv) {
     const std::string word = argv[i];
     if (word == "--cells" && i + 1 < argc)
       arguments.options.cells = std::stoi(argv[++i]);
+    else if (word == "--starts" && i + 1 < argc)
+      arguments.starts = static_cast<std::size_t>(std::stoi(argv[++i]));
     else if (word == "--fabric" && i + 1 < argc)
       arguments.fabrics = {argv[++i]};
     else if (arguments.data.empty())
@@ -203,7 +208,7 @@ Arguments parse(int argc, char** argv) {
   if (arguments.data.empty())
     throw Error(
         "usage: weft_validate_mechanical DATA [truth] [refinement] [fit] [strips] "
-        "[--cells N] [--fabric NAME]");
+        "[--cells N] [--fabric NAME] [--starts N]");
   if (arguments.parts.empty()) arguments.parts = {"truth", "refinement", "fit", "strips"};
   return arguments;
 }

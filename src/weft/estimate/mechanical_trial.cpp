@@ -13,9 +13,10 @@ namespace weft {
 namespace {
 
 constexpr int kMostCells = 200;
-constexpr double kWidestCell = 2;     // of the narrow side
-constexpr double kFinestCell = 0.25;  // at a clip, of the widest one
-constexpr double kSameLine = 1e-7;    // m
+constexpr double kWidestCell = 2;      // of the narrow side
+constexpr double kFinestCell = 0.25;   // at a clip, of the widest one
+constexpr double kDeepestStrip = 0.4;  // of a clip's depth
+constexpr double kSameLine = 1e-7;     // m
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -39,7 +40,11 @@ std::vector<Extent> extents_along(int axis, const std::vector<MaterialRectangle>
   for (const MaterialRectangle& region : regions) {
     const bool whole =
         region.lower[across] < kSameLine && region.upper[across] > size[across] - kSameLine;
-    extents.push_back({region.lower[axis], region.upper[axis], whole});
+    Extent extent{region.lower[axis], region.upper[axis], whole};
+    // What a clip at the edge of the swatch holds has no corner there.
+    if (!whole && extent.lower < kSameLine) extent.lower = -size[axis];
+    if (!whole && extent.upper > size[axis] - kSameLine) extent.upper = 2 * size[axis];
+    extents.push_back(extent);
   }
   std::sort(extents.begin(), extents.end(),
             [](const Extent& a, const Extent& b) { return a.lower < b.lower; });
@@ -58,26 +63,40 @@ double free_side(const std::vector<Extent>& extents, double size) {
   return longest > 0 ? longest : size;
 }
 
+/// Whether `place` is a border of a clip from which free cloth lies in direction `side` (-1, 1). Of
+/// a clip that does not reach across the swatch there is free cloth on both sides, beyond its
+/// corners.
+bool is_border(const Extent& extent, double place, int side) {
+  const bool lower = std::abs(extent.lower - place) < kSameLine;
+  const bool upper = std::abs(extent.upper - place) < kSameLine;
+  return (upper && (side > 0 || !extent.whole)) || (lower && (side < 0 || !extent.whole));
+}
+
 /// Lines above `lower` up to `upper`, two neighbouring borders of clips, and those beside them.
 void add_interval(double lower, double upper, double spacing, const std::vector<Extent>& extents,
                   std::vector<double>& lines) {
   GridGrading grading{.spacing = spacing, .first = kFinestCell * spacing};
   bool inside = false;
+  double clip_below = 0, clip_above = 0;  // depths of the clips across the swatch at either end
   for (const Extent& extent : extents) {
+    inside |= extent.whole && extent.lower < lower + kSameLine && extent.upper > upper - kSameLine;
+    grading.fine_lower |= is_border(extent, lower, 1);
+    grading.fine_upper |= is_border(extent, upper, -1);
     if (!extent.whole) continue;
-    inside |= extent.lower < lower + kSameLine && extent.upper > upper - kSameLine;
-    grading.fine_lower |= std::abs(extent.upper - lower) < kSameLine;
-    grading.fine_upper |= std::abs(extent.lower - upper) < kSameLine;
+    if (is_border(extent, lower, 1)) clip_below = extent.upper - extent.lower;
+    if (is_border(extent, upper, -1)) clip_above = extent.upper - extent.lower;
   }
   if (inside) {  // rigid: one cell will do
     lines.push_back(upper);
     return;
   }
   const std::vector<double> cells = graded_lines(lower, upper, grading);
-  const double first = cells[1] - cells[0], last = upper - cells[cells.size() - 2];
-  if (grading.fine_lower) lines.push_back(lower - kClampStrip * first);
   lines.insert(lines.end(), cells.begin() + 1, cells.end());
-  if (grading.fine_upper) lines.push_back(upper + kClampStrip * last);
+  const double first = cells[1] - cells[0], last = upper - cells[cells.size() - 2];
+  if (clip_below > 0)
+    lines.push_back(lower - std::min(kClampStrip * first, kDeepestStrip * clip_below));
+  if (clip_above > 0)
+    lines.push_back(upper + std::min(kClampStrip * last, kDeepestStrip * clip_above));
 }
 
 std::vector<double> lines_along(const std::vector<Extent>& extents, double size, double spacing) {

@@ -23,8 +23,8 @@ struct MechanicalOptions {
 /// Frames in which the clips hold the same regions: one mesh, whose grid lines lie on the borders
 /// of the clips.
 ///
-/// Where a clip reaches across the whole swatch the cloth bends and strains most: cells are a
-/// quarter as wide there, and grow by a tenth from one to the next. Such a border has a second line
+/// At a clip the cloth bends and strains most: cells are a quarter as wide there, and grow by a
+/// tenth of the distance. Where a clip reaches across the whole swatch its border has a second line
 /// beside it, inside the clip, at kClampStrip of the width of the cell outside. A dihedral angle
 /// belongs to the triangles on both sides of its edge, D / (2 h) + D / (2 e) per width and angle
 /// for cells of h and e; what should be there is 2 D / h, the curvature over half a cell. With e =
