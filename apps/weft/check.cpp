@@ -5,6 +5,7 @@
 #include <string>
 
 #include "commands.h"
+#include "mechanical.h"
 #include "weft/capture/capture.h"
 #include "weft/vision/silhouette.h"
 
@@ -27,6 +28,10 @@ void print_fixtures(const Capture& capture) {
 }
 
 void run(const Arguments& arguments) {
+  if (capture_kind(arguments.capture) == CaptureKind::mechanical) {
+    check_mechanical(arguments.capture);
+    return;
+  }
   const Capture capture = read_capture(arguments.capture);
   fmt::print("capture     {}\n", capture.name);
   if (!capture.description.empty()) fmt::print("            {}\n", capture.description);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "commands.h"
+#include "mechanical.h"
 #include "options.h"
 #include "weft/capture/capture.h"
 #include "weft/estimate/evaluate_capture.h"
@@ -18,6 +19,7 @@ struct Arguments {
   std::string fabric;
   bool json = false;
   TrialArguments trial;
+  MechanicalArguments mechanical;
 };
 
 /// JSON has no infinity; a simulation that diverged has no error.
@@ -76,6 +78,19 @@ void print_part(const char* name, const CaptureEvaluation::Part& part) {
   fmt::print("\n");
 }
 
+void run_mechanical(const Arguments& arguments) {
+  const Fabric fabric = find_fabric(arguments.fabric);
+  const auto trial = prepare_mechanical(read_mechanical_capture(arguments.capture),
+                                        arguments.mechanical.options());
+  const auto frames =
+      simulate_mechanical({trial}, fabric, MechanicalDerivatives::none, arguments.trial.threads());
+  const MechanicalEvaluation evaluation = compare_mechanical(*trial, frames.front());
+  if (arguments.json)
+    fmt::print("{}\n", mechanical_json(evaluation).dump(2));
+  else
+    fmt::print("{}\n{}", summary(evaluation), complaints(evaluation));
+}
+
 void run(const Arguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   const Capture capture = read_capture(arguments.capture);
@@ -94,16 +109,27 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_evaluate(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "evaluate", "how well a fabric explains a capture: fit frames and later ones apart");
+  auto* command = app.add_subcommand("evaluate",
+                                     "how well a fabric explains a capture: fit frames and later "
+                                     "ones of a video apart; forces and "
+                                     "shapes of a mechanical test");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
   command->add_flag("--json", arguments->json, "print one JSON object");
   arguments->trial.add_to(*command);
+  arguments->mechanical.add_to(*command);
   command->footer(
       "Example:\n  weft evaluate data/captures/cotton_waving_A --fabric out/fabric.toml --json");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments, command] {
+    if (capture_kind(arguments->capture) == CaptureKind::mechanical) {
+      refuse_options(*command, video_option_names(), "a mechanical capture");
+      run_mechanical(*arguments);
+    } else {
+      refuse_options(*command, MechanicalArguments::names(), "a video");
+      run(*arguments);
+    }
+  });
 }
 
 }  // namespace weft::app

@@ -15,6 +15,7 @@
 
 #include "command_line.h"
 #include "commands.h"
+#include "mechanical.h"
 #include "options.h"
 #include "report_of_fit.h"
 #include "weft/base/error.h"
@@ -52,6 +53,8 @@ struct Arguments {
   bool overwrite = false;
   std::string name;
   TrialArguments trial;
+  MechanicalArguments mechanical;
+  MechanicalFitArguments mechanical_fit;  // what only mechanical captures have
 };
 
 /// What both methods share, over the defaults of each.
@@ -346,6 +349,31 @@ void run(const Arguments& arguments) {
   if (fit.stopped) throw CLI::RuntimeError(kStoppedEarly);
 }
 
+const std::vector<std::string> kVideoFitOptions{
+    "--method",     "--coarse",  "--coarse-levels", "--coarse-frames",
+    "--iterations", "--simplex", "--no-variability"};
+const std::vector<std::string> kMechanicalFitOptions{"--model", "--residuals", "--force-noise",
+                                                     "--point-noise"};
+
+void run_mechanical(const Arguments& arguments, const CLI::App& command) {
+  refuse_options(command, kVideoFitOptions, "mechanical captures");
+  refuse_options(command, video_option_names(), "mechanical captures");
+  if (command.count("--model") > 0 && command.count("--initial") > 0)
+    throw Error("--model: the fabric of --initial says which");
+  MechanicalFitArguments fit = arguments.mechanical_fit;
+  fit.captures = arguments.captures;
+  fit.out = arguments.out;
+  fit.initial = arguments.initial;
+  if (command.count("--start") > 0) fit.start = arguments.start;
+  fit.name = arguments.name;
+  fit.parameters = arguments.parameters;
+  fit.seed = arguments.seed;
+  fit.overwrite = arguments.overwrite;
+  fit.threads = arguments.trial.threads();
+  fit.options = arguments.mechanical.options();
+  run_mechanical_fit(fit);
+}
+
 }  // namespace
 
 void add_fit(CLI::App& app) {
@@ -373,7 +401,7 @@ void add_fit(CLI::App& app) {
   command
       ->add_option("--start", arguments->start,
                    "where parameters start that no search places: middle (of their ranges), "
-                   "random, or initial")
+                   "random, or initial (for mechanical captures the default)")
       ->check(CLI::IsMember({"middle", "random", "initial"}))
       ->capture_default_str();
   command
@@ -405,6 +433,29 @@ void add_fit(CLI::App& app) {
                     "(always with --method annealing; else from the derivatives at the estimate)");
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
+  arguments->mechanical.add_to(*command);
+  MechanicalFitArguments& mechanical = arguments->mechanical_fit;
+  command
+      ->add_option("--model", mechanical.model,
+                   "mechanical captures: model to fit where --initial names no fabric")
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--residuals", mechanical.residuals,
+          "mechanical captures: what is compared; auto: forces between clips, points where "
+          "one clip holds the cloth")
+      ->check(CLI::IsMember({"auto", "forces", "points", "both"}))
+      ->capture_default_str();
+  command
+      ->add_option("--force-noise", mechanical.force_noise,
+                   "mechanical captures: standard deviation of a force component, N")
+      ->check(number_in(1e-9, 1e3))
+      ->capture_default_str();
+  command
+      ->add_option("--point-noise", mechanical.point_noise,
+                   "mechanical captures: standard deviation of a coordinate, m")
+      ->check(number_in(1e-9, 1))
+      ->capture_default_str();
   command->footer(
       "Example:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150");
   command->callback([arguments, command] {
@@ -414,6 +465,12 @@ void add_fit(CLI::App& app) {
     }
     if (arguments->no_variability && arguments->variability_curves)
       throw Error("--no-variability and --variability-curves exclude each other");
+    if (common_kind(arguments->captures) == CaptureKind::mechanical) {
+      run_mechanical(*arguments, *command);
+      return;
+    }
+    refuse_options(*command, MechanicalArguments::names(), "videos");
+    refuse_options(*command, kMechanicalFitOptions, "videos");
     if (arguments->coarse == std::vector<std::string>{"none"}) arguments->coarse.clear();
     run(*arguments);
   });

@@ -42,6 +42,11 @@ class CaptureReader {
   void read_head() {
     file_.choice("format", {"weft-capture"});
     file_.integer("version", 1, 1);
+    if (file_.string("kind") == "mechanical") {
+      throw error_at(file_.where("kind"),
+                     "a mechanical capture; this command needs a video, mechanical ones go to "
+                     "weft check, weft evaluate and weft fit");
+    }
     file_.choice("kind", {"video"});
     capture_.folder = folder_;
     capture_.name = file_.optional_string("name").value_or(default_name());

@@ -5,6 +5,7 @@
 #include "weft/dynamics/simulate.h"
 #include "weft/dynamics/sparse_cholesky.h"
 #include "weft/dynamics/state.h"
+#include "weft/dynamics/static_potential.h"
 
 namespace weft {
 
@@ -21,15 +22,33 @@ constexpr double kRounding = 1e-14;    // of the potential
 constexpr int kLongestPause = 16;      // iterations before the exact Hessian is tried again
 constexpr double kFirstEscape = 1e-4;  // m, along a direction of negative curvature
 
+/// Elasticity and gravity of a model that also has damping and drag.
+class RestingCloth : public StaticPotential {
+ public:
+  explicit RestingCloth(const ClothModel& model) : model_(model) {}
+  double value(const Points& x) const override { return model_.potential(x, {}); }
+  void hessian(const Points& x, HessianKind kind, Points& gradient,
+               SparseMatrix& hessian) const override {
+    model_.potential_hessian(x, {}, kind, gradient, hessian);
+  }
+  const SparseMatrix& hessian_pattern() const override { return model_.hessian_pattern(); }
+  const VecX& masses() const override { return model_.masses(); }
+  const TriangleMesh& mesh() const override { return model_.mesh(); }
+
+ private:
+  const ClothModel& model_;
+};
+
 class Equilibrium {
  public:
-  Equilibrium(const ClothModel& model, const std::vector<PointFixture>& fixtures,
+  Equilibrium(const StaticPotential& model, const std::vector<char>& held,
               const StaticOptions& options)
       : model_(model),
         options_(options),
-        held_(held_vertices(fixtures, model.vertex_count())),
+        held_(held),
         cholesky_(model.hessian_pattern(), held_, model.mesh().material),
-        hessian_(model.hessian_pattern()) {}
+        hessian_(model.hessian_pattern()),
+        diagonal_(diagonal_slots(hessian_)) {}
 
   StaticResult solve(Points start);
 
@@ -41,11 +60,12 @@ class Equilibrium {
   bool is_stable();
   void escape();
 
-  const ClothModel& model_;
+  const StaticPotential& model_;
   StaticOptions options_;
   std::vector<char> held_;
   SparseCholesky<double> cholesky_;
   SparseMatrix hessian_;
+  std::vector<int> diagonal_;
   Points x_, gradient_, direction_, trial_;
   double potential_ = 0;
   double regularization_ = kFirstRegularization;
@@ -65,11 +85,10 @@ double Equilibrium::largest_free_force() const {
 
 bool Equilibrium::factorize(HessianKind kind) {
   hessian_.coeffs().setZero();
-  model_.potential_hessian(x_, {}, kind, gradient_, hessian_);
-  const auto diagonal = model_.diagonal_slots();
+  model_.hessian(x_, kind, gradient_, hessian_);
   for (Eigen::Index i = 0; i < gradient_.cols(); ++i) {
     for (int k = 0; k < 3; ++k) {
-      hessian_.valuePtr()[diagonal[static_cast<std::size_t>(3 * i + k)]] +=
+      hessian_.valuePtr()[diagonal_[static_cast<std::size_t>(3 * i + k)]] +=
           regularization_ * model_.masses()(i);
     }
   }
@@ -103,7 +122,7 @@ bool Equilibrium::find_step() {
   const double slope = gradient_.cwiseProduct(direction_).sum();
   for (double fraction = 1; fraction > kSmallestFraction; fraction *= 0.5) {
     trial_ = x_ + fraction * direction_;
-    const double after = model_.potential(trial_, {});
+    const double after = model_.value(trial_);
     const double allowed =
         kSufficientDecrease * fraction * slope + kRounding * std::abs(potential_);
     if (after - potential_ <= allowed) {
@@ -146,12 +165,12 @@ void Equilibrium::escape() {
   double step = kFirstEscape;
   trial_ = x_ + step * direction_;
   const Points other = x_ - step * direction_;
-  if (model_.potential(other, {}) < model_.potential(trial_, {})) step = -step;
+  if (model_.value(other) < model_.value(trial_)) step = -step;
   double best = potential_;
   Points from = x_;
   for (;; step *= 2) {
     trial_ = from + step * direction_;
-    const double potential = model_.potential(trial_, {});
+    const double potential = model_.value(trial_);
     if (!(potential < best)) break;
     best = potential;
     std::swap(x_, trial_);
@@ -162,7 +181,7 @@ void Equilibrium::escape() {
 StaticResult Equilibrium::solve(Points start) {
   x_ = std::move(start);
   StaticResult result;
-  potential_ = model_.potential(x_, {});
+  potential_ = model_.value(x_);
   for (; result.iterations < options_.max_iterations; ++result.iterations) {
     if (!factorize_for_direction()) break;
     result.residual = largest_free_force();
@@ -188,7 +207,18 @@ StaticResult solve_static(const ClothModel& model, const Points& start,
                           const StaticOptions& options) {
   Points x = start;
   prescribe_positions(fixtures, time, x);
-  return Equilibrium(model, fixtures, options).solve(std::move(x));
+  return solve_static(RestingCloth(model), std::move(x),
+                      held_vertices(fixtures, model.vertex_count()), options);
+}
+
+StaticResult solve_static(const StaticPotential& potential, Points start,
+                          const std::vector<char>& held, const StaticOptions& options) {
+  return Equilibrium(potential, held, options).solve(std::move(start));
+}
+
+std::vector<int> diagonal_slots(const SparseMatrix& lower) {
+  // The first entry of a column of a lower triangle is on the diagonal.
+  return {lower.outerIndexPtr(), lower.outerIndexPtr() + lower.cols()};
 }
 
 }  // namespace weft

@@ -1,0 +1,200 @@
+#include <fmt/chrono.h>
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <ctime>
+
+#include "command_line.h"
+#include "mechanical.h"
+#include "weft/base/error.h"
+#include "weft/base/interrupt.h"
+#include "weft/base/parallel.h"
+#include "weft/base/progress.h"
+#include "weft/base/random.h"
+#include "weft/estimate/mechanical_fit.h"
+#include "weft/report/result.h"
+
+namespace weft::app {
+namespace {
+
+constexpr int kStoppedEarly = 130;  // as the shell reports a program ended by Ctrl-C
+
+Fabric start_fabric(const MechanicalFitArguments& arguments,
+                    const std::vector<MechanicalCapture>& captures) {
+  Fabric fabric = arguments.initial.empty()
+                      ? Fabric::with_defaults(captures.front().name, arguments.model)
+                      : find_fabric(arguments.initial);
+  fabric.name = arguments.name.empty() ? captures.front().name : arguments.name;
+  fabric.areal_density = captures.front().areal_density;
+  fabric.provenance =
+      fmt::format("fitted to {} by weft " WEFT_VERSION, fmt::join(arguments.captures, ", "));
+  return fabric;
+}
+
+std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments,
+                                         const std::string& model) {
+  check_parameters("--parameters", model, arguments.parameters);
+  if (!arguments.parameters.empty()) return arguments.parameters;
+  std::vector<std::string> names;
+  for (const ParameterInfo& info : model_parameters(model)) names.emplace_back(info.name);
+  return names;
+}
+
+/// The start with what --start asks for in place of the free values.
+Fabric placed(const MechanicalProblem& problem, const Fabric& start,
+              const MechanicalFitArguments& arguments) {
+  if (arguments.start == "initial") return start;
+  VecX scaled = VecX::Constant(problem.dimension(), 0.5);
+  if (arguments.start == "random") {
+    Rng rng(arguments.seed);
+    for (double& x : scaled) x = rng.uniform();
+  }
+  return problem.fabric(scaled);
+}
+
+ReportParameter report_parameter(const ParameterInfo& info, const MechanicalFitResult& fit) {
+  ReportParameter p;
+  p.name = info.name;
+  p.unit = info.unit;
+  p.meaning = info.meaning;
+  p.value = fit.fabric.value(info.name);
+  p.initial = fit.start.value(info.name);
+  p.lower = info.lower;
+  p.upper = info.upper;
+  p.scale = info.scale == Scale::logarithmic ? ReportParameter::Scale::logarithmic
+                                             : ReportParameter::Scale::shifted_logarithmic;
+  p.free = false;
+  return p;
+}
+
+Report make_report(const MechanicalFitArguments& arguments, const MechanicalProblem& problem,
+                   const MechanicalFitResult& fit, const std::string& names) {
+  Report report;
+  report.title = fmt::format("Fit of {}", names);
+  report.fabric = fit.fabric.name;
+  report.model = fit.fabric.model;
+  report.program_version = WEFT_VERSION;
+  report.command = command_line();
+  report.created = fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(std::time(nullptr)));
+  report.method = "least squares on forces and shapes at equilibrium";
+  report.seed = arguments.seed;
+  report.stopped = fit.end == LeastSquaresEnd::stopped;
+  report.error_initial = fit.cost_start;
+  report.error = fit.cost;
+  report.error_meaning =
+      "mean of squared differences of force components and coordinates, each divided by its noise";
+  report.evaluations = fit.evaluations;
+  report.wall_s = fit.wall_s;
+  report.threads = arguments.threads ? arguments.threads : hardware_threads();
+  report.settings = {{"residuals", arguments.residuals},
+                     {"force noise (N)", arguments.force_noise},
+                     {"point noise (m)", arguments.point_noise},
+                     {"cells", static_cast<std::int64_t>(arguments.options.cells)},
+                     {"start", arguments.start}};
+  for (int i = 0; i < fit.fabric.values.size(); ++i)
+    report.parameters.push_back(report_parameter(fit.fabric.info(i), fit));
+  for (ReportParameter& p : report.parameters) {
+    for (int i = 0; i < problem.dimension(); ++i)
+      if (problem.info(i).name == p.name) p.free = true;
+    for (const ParameterInterval& interval : fit.intervals) {
+      if (interval.name != p.name) continue;
+      p.determined = interval.determined;
+      p.interval_lower = interval.lower;
+      p.interval_upper = interval.upper;
+      if (interval.at_lower) p.at_bound = ReportParameter::Bound::lower;
+      if (interval.at_upper) p.at_bound = ReportParameter::Bound::upper;
+    }
+  }
+  for (const MechanicalFitStep& step : fit.history) {
+    report.history.push_back({step.evaluation, "least squares", step.cost, step.best, 0});
+    if (!std::isfinite(step.cost)) ++report.diverged;
+  }
+  if (fit.inexact > 0)
+    report.remarks.push_back(
+        fmt::format("In {} frames the shape is at the limit of stability: the intervals rest on "
+                    "derivatives that are not exact there.",
+                    fit.inexact));
+  return report;
+}
+
+/// result.json with one entry a capture under "mechanical".
+std::string result_text(const Report& report, const std::vector<MechanicalCapture>& captures,
+                        const std::vector<MechanicalEvaluation>& evaluations) {
+  nlohmann::json result = nlohmann::json::parse(result_to_json(report));
+  nlohmann::json list = nlohmann::json::array();
+  for (std::size_t i = 0; i < captures.size(); ++i) {
+    nlohmann::json entry = mechanical_json(evaluations[i]);
+    entry["name"] = captures[i].name;
+    entry["folder"] = captures[i].folder.string();
+    list.push_back(entry);
+  }
+  result["mechanical"] = list;
+  return result.dump(2) + "\n";
+}
+
+void print_result(const Report& report, const std::vector<MechanicalCapture>& captures,
+                  const std::vector<MechanicalEvaluation>& evaluations) {
+  for (const ReportParameter& p : report.parameters) {
+    if (!p.free) continue;
+    std::string certainty;
+    if (!p.determined)
+      certainty = "not determined by the data";
+    else if (p.interval_lower && p.interval_upper)
+      certainty = fmt::format("{:.4g} to {:.4g}", *p.interval_lower, *p.interval_upper);
+    if (p.at_bound != ReportParameter::Bound::none) certainty += ", at the end of its range";
+    fmt::print("{:<20} {:>12.5g} {:<11} {}\n", p.name, p.value, p.unit, certainty);
+  }
+  fmt::print("error {:.5g}, at the start {:.5g}; {} evaluations in {:.1f} s\n", report.error,
+             report.error_initial, report.evaluations, report.wall_s);
+  for (std::size_t i = 0; i < captures.size(); ++i) {
+    fmt::print("{}: {}\n", captures[i].name, summary(evaluations[i]));
+    fmt::print("{}", complaints(evaluations[i]));
+  }
+  for (const std::string& remark : report.remarks) fmt::print("warning: {}\n", remark);
+}
+
+}  // namespace
+
+void run_mechanical_fit(const MechanicalFitArguments& arguments) {
+  const InterruptGuard guard;
+  const std::filesystem::path out = arguments.out;
+  std::vector<MechanicalCapture> captures;
+  std::vector<std::string> names;
+  for (const std::string& folder : arguments.captures) {
+    captures.push_back(read_mechanical_capture(folder));
+    names.push_back(captures.back().name);
+  }
+  const Fabric initial = start_fabric(arguments, captures);
+  prepare_output_folder(out, {"result.json", "fabric.toml"},
+                        arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  std::vector<std::shared_ptr<const MechanicalTrial>> trials;
+  for (const MechanicalCapture& capture : captures)
+    trials.push_back(prepare_mechanical(capture, arguments.options));
+  MechanicalCostOptions cost;
+  cost.residuals = mechanical_residuals_from_name(arguments.residuals);
+  cost.force_noise = arguments.force_noise;
+  cost.point_noise = arguments.point_noise;
+  const MechanicalProblem problem(trials, initial, free_parameters(arguments, initial.model), cost,
+                                  arguments.threads);
+  Progress progress("least squares", 0);
+  const MechanicalFitResult fit = fit_mechanical(
+      problem, placed(problem, initial, arguments), {}, [&](const MechanicalFitStep& step) {
+        progress.update(step.evaluation,
+                        fmt::format("error {:.4g}, best {:.4g}", step.cost, step.best));
+        return !interrupted();
+      });
+  progress.finish();
+  write_fabric(out / "fabric.toml", fit.fabric);
+  const auto frames =
+      simulate_mechanical(trials, fit.fabric, MechanicalDerivatives::none, arguments.threads);
+  std::vector<MechanicalEvaluation> evaluations;
+  for (std::size_t i = 0; i < trials.size(); ++i)
+    evaluations.push_back(compare_mechanical(*trials[i], frames[i]));
+  const Report report =
+      make_report(arguments, problem, fit, fmt::format("{}", fmt::join(names, ", ")));
+  write_text(out / "result.json", result_text(report, captures, evaluations));
+  print_result(report, captures, evaluations);
+  if (report.stopped) throw CLI::RuntimeError(kStoppedEarly);
+}
+
+}  // namespace weft::app

@@ -1,0 +1,153 @@
+#include "mechanical.h"
+
+#include <fmt/core.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "weft/base/error.h"
+
+namespace weft::app {
+namespace {
+
+nlohmann::json number(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
+}
+
+void add_differences(nlohmann::json& object, int force_count, double force_rms, int point_count,
+                     const SurfaceDistance& distance) {
+  if (force_count > 0) object["force_rms"] = number(force_rms);
+  if (point_count > 0) {
+    object["distance_mean"] = number(distance.mean);
+    object["distance_rms"] = number(distance.rms);
+    object["distance_max"] = number(distance.max);
+  }
+}
+
+void print_fixture(const MechanicalFixture& fixture) {
+  const Clip& first = fixture.frames.front();
+  double most = 0;
+  for (Eigen::Index k = 0; k < fixture.forces.cols(); ++k) {
+    const Vec3 force = fixture.forces.col(k);
+    most = std::max(most, force.array().isNaN().select(Vec3::Zero(), force).norm());
+  }
+  fmt::print(
+      "fixture     {}: holds ({:g}, {:g}) to ({:g}, {:g}) m, starts at ({:.4f}, {:.4f}, {:.4f}) "
+      "m, ",
+      fixture.name, first.region.lower.x(), first.region.lower.y(), first.region.upper.x(),
+      first.region.upper.y(), first.position.x(), first.position.y(), first.position.z());
+  if (fixture.forces.cols() > 0)
+    fmt::print("force up to {:.4g} N\n", most);
+  else
+    fmt::print("no force\n");
+}
+
+}  // namespace
+
+void MechanicalArguments::add_to(CLI::App& command) {
+  command
+      .add_option("--cells", cells_,
+                  "mechanical captures: cells of the mesh across the shortest free side")
+      ->check(CLI::Range(2, 200))
+      ->capture_default_str();
+}
+
+MechanicalOptions MechanicalArguments::options() const {
+  MechanicalOptions options;
+  options.cells = cells_;
+  return options;
+}
+
+const std::vector<std::string>& MechanicalArguments::names() {
+  static const std::vector<std::string> names{"--cells"};
+  return names;
+}
+
+void refuse_options(const CLI::App& command, const std::vector<std::string>& names,
+                    const std::string& kind) {
+  for (const std::string& name : names) {
+    const CLI::Option* option = command.get_option_no_throw(name);
+    if (option && option->count() > 0)
+      throw Error(fmt::format("{}: means nothing for {}", name, kind));
+  }
+}
+
+const std::vector<std::string>& video_option_names() {
+  static const std::vector<std::string> names{"--grid",  "--steps-per-frame", "--integrator",
+                                              "--alpha", "--fold-threshold",  "--cache"};
+  return names;
+}
+
+CaptureKind common_kind(const std::vector<std::string>& folders) {
+  const CaptureKind kind = capture_kind(folders.front());
+  for (const std::string& folder : folders) {
+    if (capture_kind(folder) != kind)
+      throw Error(
+          fmt::format("{} and {}: one is a video, the other a mechanical capture; they "
+                      "cannot be fitted together",
+                      folders.front(), folder));
+  }
+  return kind;
+}
+
+void check_mechanical(const std::string& folder) {
+  const MechanicalCapture capture = read_mechanical_capture(folder);
+  fmt::print("capture     {} (mechanical)\n", capture.name);
+  if (!capture.description.empty()) fmt::print("            {}\n", capture.description);
+  fmt::print("swatch      {:g} x {:g} m, {:g} kg/m^2, u of the fabric at {:g} degrees\n",
+             capture.width, capture.height, capture.areal_density,
+             capture.grain_angle * 180 / std::numbers::pi);
+  fmt::print("frames      {}\n", capture.frame_count);
+  for (const MechanicalFixture& fixture : capture.fixtures) print_fixture(fixture);
+  if (capture.geometry) {
+    fmt::print("shape       {} points\n", read_geometry(capture).mesh.vertex_count());
+  } else {
+    fmt::print("shape       not measured\n");
+  }
+  fmt::print("truth       {}\n", capture.truth ? "declared; never read by a fit" : "none");
+  fmt::print("ok\n");
+}
+
+nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation) {
+  nlohmann::json frames = nlohmann::json::array();
+  for (const MechanicalDifference& frame : evaluation.frames) {
+    nlohmann::json object = {{"frame", frame.frame},
+                             {"converged", frame.converged},
+                             {"net_force", number(frame.residual)}};
+    add_differences(object, frame.force_count, frame.force_rms, frame.point_count, frame.distance);
+    frames.push_back(object);
+  }
+  nlohmann::json object = {
+      {"kind", "mechanical"}, {"frames", frames}, {"not_converged", evaluation.not_converged}};
+  add_differences(object, evaluation.force_count, evaluation.force_rms, evaluation.point_count,
+                  evaluation.distance);
+  if (evaluation.force_count > 0) {
+    object["force_relative"] = number(evaluation.force_relative);
+    object["force_largest"] = number(evaluation.largest_force);
+  }
+  return object;
+}
+
+std::string summary(const MechanicalEvaluation& evaluation) {
+  std::string text;
+  if (evaluation.force_count > 0)
+    text =
+        fmt::format("force {:.3g} N rms, {:.2f} % of the largest, {:.4g} N", evaluation.force_rms,
+                    100 * evaluation.force_relative, evaluation.largest_force);
+  if (evaluation.point_count > 0)
+    text += fmt::format("{}distance mean {:.3f}, rms {:.3f}, max {:.2f} mm",
+                        text.empty() ? "" : "; ", 1e3 * evaluation.distance.mean,
+                        1e3 * evaluation.distance.rms, 1e3 * evaluation.distance.max);
+  return text.empty() ? "nothing was measured" : text;
+}
+
+std::string complaints(const MechanicalEvaluation& evaluation) {
+  std::string text;
+  for (const MechanicalDifference& frame : evaluation.frames)
+    if (!frame.converged)
+      text += fmt::format("frame {}: no equilibrium, a net force of {:.2g} N is left\n",
+                          frame.frame, frame.residual);
+  return text;
+}
+
+}  // namespace weft::app

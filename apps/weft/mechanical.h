@@ -1,0 +1,61 @@
+#pragma once
+/// What the subcommands do with mechanical captures (kind = "mechanical").
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "options.h"
+#include "weft/estimate/mechanical_trial.h"
+
+namespace weft::app {
+
+/// How a mechanical capture is computed.
+class MechanicalArguments {
+ public:
+  void add_to(CLI::App& command);
+  MechanicalOptions options() const;
+  /// Options of `command` that only mean something for mechanical captures.
+  static const std::vector<std::string>& names();
+
+ private:
+  int cells_ = MechanicalOptions().cells;
+};
+
+/// Throws Error for options of `command` that were given though they do not apply to the captures:
+/// `names` as "--grid", `kind` as "a mechanical capture".
+void refuse_options(const CLI::App& command, const std::vector<std::string>& names,
+                    const std::string& kind);
+/// Options of TrialArguments that only mean something for videos.
+const std::vector<std::string>& video_option_names();
+
+/// The kind that all captures share. Throws Error if they differ.
+CaptureKind common_kind(const std::vector<std::string>& folders);
+
+void check_mechanical(const std::string& folder);
+
+nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation);
+/// One line: force and distances over all frames.
+std::string summary(const MechanicalEvaluation& evaluation);
+/// Frames without equilibrium, one line each, for the terminal; empty where there are none.
+std::string complaints(const MechanicalEvaluation& evaluation);
+
+struct MechanicalFitArguments {
+  std::vector<std::string> captures;
+  std::string out;
+  std::string initial;
+  std::string model = "stvk";
+  std::string start = "initial";
+  std::string name;
+  std::vector<std::string> parameters;
+  std::string residuals = "auto";
+  double force_noise = 3e-3;
+  double point_noise = 75e-6;
+  std::uint64_t seed = 1;
+  bool overwrite = false;
+  int threads = 0;
+  MechanicalOptions options;
+};
+void run_mechanical_fit(const MechanicalFitArguments& arguments);
+
+}  // namespace weft::app

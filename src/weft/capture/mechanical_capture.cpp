@@ -1,0 +1,370 @@
+#include "weft/capture/mechanical_capture.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include "weft/base/toml_reader.h"
+#include "weft/capture/capture_checks.h"
+#include "weft/capture/table_file.h"
+#include "weft/mesh/mesh_io.h"
+
+namespace weft {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
+constexpr Range kAnyNumber{-kInfinity, kInfinity};
+constexpr Range kGrainAngle{-360, 360};  // degrees
+constexpr double kOnSwatch = 1e-6;       // m
+constexpr double kUnitLength = 1e-3;     // of a quaternion
+/// Clips further apart than this many times their distance on the undeformed swatch are a mistake,
+/// of the unit as a rule.
+constexpr double kMaxClipStretch = 3;
+/// Of a clip in the short form, which states none: its depth does not matter, the cloth in it is
+/// rigid and has no weight.
+constexpr double kNominalClipDepth = 5e-3;  // m
+
+const std::vector<std::string> kTests{"strip", "bias-extension"};
+
+TomlTable parse_capture(const std::filesystem::path& folder) {
+  if (!std::filesystem::is_directory(folder)) {
+    throw error_at({folder, 0, {}}, "not a folder; a capture is a folder with a capture.toml");
+  }
+  return TomlTable::parse_file(folder / "capture.toml");
+}
+
+/// Factor from a unit to SI.
+double unit_factor(const TomlTable& table, std::string_view key,
+                   const std::vector<std::pair<std::string, double>>& units) {
+  std::vector<std::string> names;
+  for (const auto& [name, factor] : units) names.push_back(name);
+  const std::string found = table.optional_choice(key, names).value_or(names.front());
+  for (const auto& [name, factor] : units)
+    if (name == found) return factor;
+  return 1;
+}
+
+bool overlap(const MaterialRectangle& a, const MaterialRectangle& b) {
+  return (a.lower.array() < b.upper.array()).all() && (b.lower.array() < a.upper.array()).all();
+}
+
+/// Where the tables of a capture are asked for, for errors about several of their values.
+struct FixtureSource {
+  SourceLocation region, motion;
+};
+
+class MechanicalReader {
+ public:
+  explicit MechanicalReader(const std::filesystem::path& folder)
+      : folder_(std::filesystem::absolute(folder).lexically_normal()),
+        file_(parse_capture(folder_)) {}
+
+  MechanicalCapture read() {
+    read_head();
+    if (file_.has("test"))
+      read_standard_test();
+    else
+      read_general();
+    file_.finish();
+    check_clips();
+    return std::move(capture_);
+  }
+
+ private:
+  void read_head() {
+    file_.choice("format", {"weft-capture"});
+    file_.integer("version", 1, 1);
+    if (file_.string("kind") == "video") {
+      throw error_at(file_.where("kind"),
+                     "a video; a mechanical capture (kind = \"mechanical\") is needed here");
+    }
+    file_.choice("kind", {"mechanical"});
+    capture_.folder = folder_;
+    capture_.name = file_.optional_string("name").value_or(
+        (folder_.has_filename() ? folder_ : folder_.parent_path()).filename().string());
+    capture_.description = file_.optional_string("description").value_or("");
+  }
+
+  // The general form.
+
+  void read_general() {
+    const TomlTable swatch = file_.table("swatch");
+    capture_.width = swatch.number("width", kSwatchSide);
+    capture_.height = swatch.number("height", kSwatchSide);
+    capture_.areal_density = swatch.number("areal_density", kArealDensity);
+    read_grain_angle(swatch, 0);
+    swatch.finish();
+    if (const auto world = file_.optional_table("world")) {
+      if (world->has("gravity")) {
+        const std::vector<double> gravity = world->numbers("gravity", 3, kGravity);
+        capture_.gravity = Vec3(gravity[0], gravity[1], gravity[2]);
+      }
+      world->finish();
+    }
+    const TomlTable frames = file_.table("frames");
+    capture_.frame_count = frames.integer("count", 1, kMaxFrames);
+    frames.finish();
+    const std::vector<TomlTable> fixtures = file_.tables("fixture");
+    if (fixtures.empty()) {
+      throw error_at({file_.file(), 0, "fixture"}, "missing; at least one [[fixture]] is needed");
+    }
+    for (const TomlTable& table : fixtures) read_fixture(table);
+    read_geometry_files();
+    if (const auto truth = file_.optional_table("truth")) {
+      capture_.truth = folder_ / truth->string("parameters");
+      truth->finish();
+    }
+  }
+
+  void read_grain_angle(const TomlTable& table, double otherwise) {
+    const double degrees =
+        table.optional_number("grain_angle_deg", kGrainAngle).value_or(otherwise);
+    capture_.grain_angle = degrees * std::numbers::pi / 180;
+  }
+
+  void read_fixture(const TomlTable& table) {
+    MechanicalFixture fixture;
+    fixture.name = table.string("name");
+    if (!names_.insert(fixture.name).second) {
+      throw error_at(table.where("name"),
+                     fmt::format("two fixtures are named \"{}\"", fixture.name));
+    }
+    table.choice("kind", {"bar"});
+    const MatX region = table.matrix("region", 2, 2);
+    const TableFile& motion = table_file(table, "motion");
+    const MatX poses = columns(table, "columns", 7, motion);
+    MatX regions;
+    if (table.has("region_columns")) regions = columns(table, "region_columns", 4, motion);
+    if (table.has("force_columns"))
+      fixture.forces = columns(table, "force_columns", 3, motion).transpose();
+    for (int frame = 0; frame < capture_.frame_count; ++frame) {
+      Clip clip;
+      clip.region.lower = region.row(0);
+      clip.region.upper = region.row(1);
+      if (const std::string problem = region_problem(clip.region); !problem.empty())
+        throw error_at(table.where("region"), problem);
+      if (regions.size() > 0) {
+        clip.region.lower = regions.row(frame).head<2>();
+        clip.region.upper = regions.row(frame).tail<2>();
+        if (const std::string problem = region_problem(clip.region); !problem.empty())
+          throw motion.fail(static_cast<std::size_t>(frame), table.strings("region_columns", 4)[0],
+                            problem);
+      }
+      const VecX pose = poses.row(frame);
+      clip.position = pose.head<3>();
+      const Eigen::Quaterniond rotation(pose[3], pose[4], pose[5], pose[6]);
+      if (std::abs(rotation.norm() - 1) > kUnitLength) {
+        throw motion.fail(static_cast<std::size_t>(frame), table.strings("columns", 7)[3],
+                          fmt::format("quaternion of length {:g}; must be 1, as qw, qx, qy, qz",
+                                      rotation.norm()));
+      }
+      clip.rotation = rotation.normalized();
+      fixture.frames.push_back(clip);
+    }
+    table.finish();
+    sources_.push_back({table.where("region"), table.where("motion")});
+    capture_.fixtures.push_back(std::move(fixture));
+  }
+
+  const TableFile& table_file(const TomlTable& table, std::string_view key) {
+    const std::filesystem::path path = folder_ / table.string(key);
+    if (!std::filesystem::is_regular_file(path)) {
+      throw error_at(table.where(key), fmt::format("no such file: {}", path.string()));
+    }
+    return tables_.try_emplace(path, path).first->second;
+  }
+
+  /// The columns that `key` names: frames x count.
+  MatX columns(const TomlTable& table, std::string_view key, std::size_t count,
+               const TableFile& file) const {
+    if (file.row_count() != static_cast<std::size_t>(capture_.frame_count)) {
+      throw error_at({file.path(), 0, {}}, fmt::format("{} rows; the capture has {} frames",
+                                                       file.row_count(), capture_.frame_count));
+    }
+    MatX values(capture_.frame_count, static_cast<Eigen::Index>(count));
+    Eigen::Index column = 0;
+    for (const std::string& name : table.strings(key, count)) {
+      if (!file.has(name)) {
+        throw error_at(table.where(key), fmt::format("{} has no column \"{}\"",
+                                                     file.path().filename().string(), name));
+      }
+      values.col(column++) = file.numbers(name);
+    }
+    return values;
+  }
+
+  /// Empty for a valid region.
+  std::string region_problem(const MaterialRectangle& region) const {
+    if (!(region.lower.array() < region.upper.array()).all())
+      return "the first corner must be below and left of the second";
+    const bool inside = region.lower.minCoeff() >= -kOnSwatch &&
+                        region.upper.x() <= capture_.width + kOnSwatch &&
+                        region.upper.y() <= capture_.height + kOnSwatch;
+    if (inside) return {};
+    return fmt::format("({:g}, {:g}) to ({:g}, {:g}) m reaches off the swatch of {:g} x {:g} m",
+                       region.lower.x(), region.lower.y(), region.upper.x(), region.upper.y(),
+                       capture_.width, capture_.height);
+  }
+
+  void read_geometry_files() {
+    const auto geometry = file_.optional_table("geometry");
+    if (!geometry) return;
+    GeometryFiles files;
+    files.rest_mesh = folder_ / geometry->string("rest_mesh");
+    files.points = folder_ / geometry->string("points");
+    geometry->finish();
+    for (const auto& [key, path] :
+         {std::pair{"rest_mesh", files.rest_mesh}, std::pair{"points", files.points}}) {
+      if (!std::filesystem::is_regular_file(path))
+        throw error_at(geometry->where(key), fmt::format("no such file: {}", path.string()));
+    }
+    capture_.geometry = files;
+  }
+
+  // The short form: a curve and the size of the specimen.
+
+  void read_standard_test() {
+    const std::string test = file_.choice("test", kTests);
+    const TomlTable specimen = file_.table("specimen");
+    const double free_length = specimen.number("free_length", kSwatchSide);
+    capture_.height = specimen.number("width", kSwatchSide);
+    capture_.width = free_length + 2 * kNominalClipDepth;
+    capture_.areal_density = specimen.number("areal_density", kArealDensity);
+    read_grain_angle(specimen, test == "bias-extension" ? 45 : 0);
+    specimen.finish();
+    capture_.gravity = Vec3::Zero();
+
+    const TomlTable curve = file_.table("curve");
+    const TableFile& file = table_file(curve, "file");
+    const VecX displacement =
+        curve_column(curve, "displacement", file) *
+        unit_factor(curve, "displacement_unit", {{"m", 1}, {"mm", 1e-3}, {"cm", 1e-2}});
+    const VecX force = curve_column(curve, "force", file) *
+                       unit_factor(curve, "force_unit",
+                                   {{"N", 1}, {"mN", 1e-3}, {"cN", 1e-2}, {"gf", 9.80665e-3}});
+    curve.finish();
+    if (displacement.size() == 0) throw error_at({file.path(), 0, {}}, "no rows below the header");
+    capture_.frame_count = static_cast<int>(displacement.size());
+    add_jaw("fixed jaw", {{0, 0}, {kNominalClipDepth, capture_.height}},
+            VecX::Zero(displacement.size()));
+    add_jaw("moving jaw",
+            {{capture_.width - kNominalClipDepth, 0}, {capture_.width, capture_.height}},
+            displacement);
+    Points& forces = capture_.fixtures.back().forces;
+    forces = Points::Constant(3, force.size(), kNotMeasured);
+    forces.row(0) = force.transpose();
+    sources_.assign(2, {curve.where("displacement"), curve.where("displacement")});
+  }
+
+  static VecX curve_column(const TomlTable& curve, std::string_view key, const TableFile& file) {
+    const std::string name = curve.string(key);
+    if (!file.has(name)) {
+      throw error_at(curve.where(key),
+                     fmt::format("{} has no column \"{}\"", file.path().filename().string(), name));
+    }
+    return file.numbers(name);
+  }
+
+  void add_jaw(const std::string& name, const MaterialRectangle& region, const VecX& shift) {
+    MechanicalFixture fixture;
+    fixture.name = name;
+    for (const double x : shift) {
+      Clip clip;
+      clip.region = region;
+      clip.position = Vec3(region.center().x() + x, region.center().y(), 0);
+      fixture.frames.push_back(clip);
+    }
+    fixture.forces.resize(3, 0);
+    capture_.fixtures.push_back(std::move(fixture));
+  }
+
+  // Of all clips together.
+
+  void check_clips() const {
+    for (int frame = 0; frame < capture_.frame_count; ++frame) {
+      const std::vector<Clip> clips = capture_.clips(frame);
+      for (std::size_t j = 0; j < clips.size(); ++j)
+        for (std::size_t i = 0; i < j; ++i) check_pair(frame, i, clips[i], j, clips[j]);
+    }
+  }
+
+  void check_pair(int frame, std::size_t i, const Clip& a, std::size_t j, const Clip& b) const {
+    const std::string names =
+        fmt::format("\"{}\" and \"{}\"", capture_.fixtures[i].name, capture_.fixtures[j].name);
+    if (overlap(a.region, b.region)) {
+      throw error_at(sources_[j].region,
+                     fmt::format("regions of {} overlap at frame {}", names, frame));
+    }
+    const double now = (a.position - b.position).norm();
+    const double flat = (a.region.center() - b.region.center()).norm();
+    if (now > kMaxClipStretch * flat) {
+      throw error_at(
+          sources_[j].motion,
+          fmt::format("{} are {:g} m apart at frame {}, {:g} m on the undeformed swatch; at most "
+                      "{:g} times that is valid",
+                      names, now, frame, flat, kMaxClipStretch));
+    }
+  }
+
+  std::filesystem::path folder_;
+  TomlTable file_;
+  MechanicalCapture capture_;
+  std::set<std::string> names_;
+  std::map<std::filesystem::path, TableFile> tables_;
+  std::vector<FixtureSource> sources_;
+};
+
+}  // namespace
+
+CaptureKind capture_kind(const std::filesystem::path& folder) {
+  const TomlTable file = parse_capture(folder);
+  file.choice("format", {"weft-capture"});
+  return file.choice("kind", {"video", "mechanical"}) == "video" ? CaptureKind::video
+                                                                 : CaptureKind::mechanical;
+}
+
+std::vector<Clip> MechanicalCapture::clips(int frame) const {
+  std::vector<Clip> result;
+  for (const MechanicalFixture& fixture : fixtures)
+    result.push_back(fixture.frames[static_cast<std::size_t>(frame)]);
+  return result;
+}
+
+MechanicalCapture read_mechanical_capture(const std::filesystem::path& folder) {
+  return MechanicalReader(folder).read();
+}
+
+MeasuredGeometry read_geometry(const MechanicalCapture& capture) {
+  if (!capture.geometry) throw Error(fmt::format("capture \"{}\" has no [geometry]", capture.name));
+  const std::filesystem::path& mesh_path = capture.geometry->rest_mesh;
+  ObjMesh obj = read_obj(mesh_path);
+  if (!obj.texture) {
+    throw error_at({mesh_path, 0, "vt"}, "each vertex needs one vt: its (u, v) in m");
+  }
+  MeasuredGeometry geometry;
+  geometry.mesh = {std::move(*obj.texture), std::move(obj.triangles)};
+  for (int t = 0; t < geometry.mesh.triangle_count(); ++t) {
+    auto& triangle = geometry.mesh.triangles[static_cast<std::size_t>(t)];
+    if (material_area(geometry.mesh, t) < 0) std::swap(triangle[1], triangle[2]);
+  }
+  validate(geometry.mesh, mesh_path.string());
+  const std::filesystem::path& path = capture.geometry->points;
+  geometry.frames = read_pc2(path).frames;
+  if (geometry.frames.front().cols() != geometry.mesh.vertex_count()) {
+    throw error_at({path, 0, {}},
+                   fmt::format("{} points; {} has {} vertices", geometry.frames.front().cols(),
+                               mesh_path.filename().string(), geometry.mesh.vertex_count()));
+  }
+  if (geometry.frames.size() != static_cast<std::size_t>(capture.frame_count)) {
+    throw error_at({path, 0, {}}, fmt::format("{} samples; the capture has {} frames",
+                                              geometry.frames.size(), capture.frame_count));
+  }
+  return geometry;
+}
+
+}  // namespace weft

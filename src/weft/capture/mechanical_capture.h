@@ -1,0 +1,67 @@
+#pragma once
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "weft/dynamics/clips.h"
+
+namespace weft {
+
+/// What a capture.toml says it is, so that a program can choose the reader.
+enum class CaptureKind { video, mechanical };
+/// Reads nothing but the format and the kind of the capture in `folder`. Throws Error for a folder
+/// without capture.toml, another format and another kind.
+CaptureKind capture_kind(const std::filesystem::path& folder);
+
+/// A clip of the experiment over all frames.
+struct MechanicalFixture {
+  std::string name;
+  std::vector<Clip> frames;  ///< where it is and what it holds, one a frame
+  /// Measured force of the clip on the cloth, N: 3 x frames, NaN for a component that was not
+  /// measured; no columns where none was.
+  Points forces;
+};
+
+/// Where the measured shape is kept.
+struct GeometryFiles {
+  std::filesystem::path rest_mesh;  ///< OBJ; (u, v) of the points in its vt
+  std::filesystem::path points;     ///< PC2, one sample a frame
+};
+
+/// A capture folder, format version 1, kind "mechanical" (docs/formats.md): cloth at rest between
+/// rigid clips, frame by frame, with the clips' poses and forces and, where measured, the shape.
+struct MechanicalCapture {
+  std::filesystem::path folder;
+  std::string name;
+  std::string description;
+  double width = 0, height = 0;  ///< of the swatch, m
+  double areal_density = 0;      ///< kg/m^2
+  /// From the first material axis of the swatch to u of the fabric, counter-clockwise, rad.
+  double grain_angle = 0;
+  Vec3 gravity{0, 0, -9.81};  ///< m/s^2
+  int frame_count = 0;
+  std::vector<MechanicalFixture> fixtures;
+  std::optional<GeometryFiles> geometry;
+  /// Notes on the true parameters; nothing here reads them.
+  std::optional<std::filesystem::path> truth;
+
+  /// All clips at one frame, in the order of the fixtures.
+  std::vector<Clip> clips(int frame) const;
+};
+
+/// Reads and checks capture.toml and the tables that it names: every key known, ranges, shapes;
+/// regions on the swatch that do not overlap, poses that are rotations, clips no further apart than
+/// three times their distance on the undeformed swatch. Also reads the short form for standard
+/// tests (`test`, docs/formats.md). Throws Error. Does not open the shape.
+MechanicalCapture read_mechanical_capture(const std::filesystem::path& folder);
+
+/// Measured shapes: points of known (u, v), triangulated, frame by frame.
+struct MeasuredGeometry {
+  TriangleMesh mesh;
+  std::vector<Points> frames;  ///< m, one a frame
+};
+/// Throws Error unless the capture has [geometry] and its files fit together and to the capture.
+MeasuredGeometry read_geometry(const MechanicalCapture& capture);
+
+}  // namespace weft

@@ -1,0 +1,185 @@
+#include "weft/dynamics/clips.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "weft/base/error.h"
+#include "weft/dynamics/sparse_cholesky.h"
+
+namespace weft {
+namespace {
+
+constexpr double kOnBorder = 1e-7;             // m
+constexpr double kLeastRegularization = 1e-6;  // 1/s^2, as of an equilibrium
+constexpr double kMostRegularization = 1e12;   // 1/s^2
+constexpr double kLeastDistance = 1e-6;        // m, of a point from a clip, for its weight
+
+std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
+
+std::vector<char> flags_of_held(const std::vector<int>& clip_of) {
+  std::vector<char> held;
+  for (const int clip : clip_of) held.push_back(clip >= 0 ? 1 : 0);
+  return held;
+}
+
+void sum_reactions(const Points& gradient, const std::vector<int>& clip_of,
+                   const std::vector<Clip>& clips, ClipEquilibrium& result) {
+  const auto count = static_cast<Eigen::Index>(clips.size());
+  result.forces = Points::Zero(3, count);
+  result.torques = Points::Zero(3, count);
+  for (Eigen::Index i = 0; i < gradient.cols(); ++i) {
+    const int clip = clip_of[at(i)];
+    if (clip < 0) continue;
+    const Vec3 force = gradient.col(i);
+    const Vec3 arm = result.x.col(i) - clips[at(clip)].position;
+    result.forces.col(clip) += force;
+    result.torques.col(clip) += arm.cross(force);
+  }
+}
+
+/// The exact Hessian factorized, with as little of the mass matrix added as makes it positive
+/// definite. False if it is not positive definite by itself.
+bool factorize(const VecX& masses, SparseMatrix hessian, SparseCholesky<double>& cholesky) {
+  const std::vector<int> diagonal = diagonal_slots(hessian);
+  double added = 0;
+  for (double wanted = kLeastRegularization; wanted < kMostRegularization; wanted *= 10) {
+    for (std::size_t i = 0; i < diagonal.size(); ++i)
+      hessian.valuePtr()[diagonal[i]] +=
+          (wanted - added) * masses[static_cast<Eigen::Index>(i / 3)];
+    added = wanted;
+    if (cholesky.factorize(hessian)) return wanted == kLeastRegularization;
+  }
+  throw Error("equilibrium: the stiffness matrix cannot be factorized; it is not finite");
+}
+
+/// Solves for all columns of `b` (3 n x any), kDirections at a time.
+void solve_columns(const SparseCholesky<double>& cholesky, MatX& b) {
+  Directions block = Directions::Zero(b.rows(), kDirections);
+  for (Eigen::Index first = 0; first < b.cols(); first += kDirections) {
+    const Eigen::Index count = std::min<Eigen::Index>(kDirections, b.cols() - first);
+    block.setZero();
+    block.leftCols(count) = b.middleCols(first, count);
+    cholesky.solve(block);
+    b.middleCols(first, count) = block.leftCols(count);
+  }
+}
+
+}  // namespace
+
+bool MaterialRectangle::contains(const Vec2& uv) const {
+  return (uv.array() >= lower.array() - kOnBorder).all() &&
+         (uv.array() <= upper.array() + kOnBorder).all();
+}
+
+double MaterialRectangle::distance(const Vec2& uv) const {
+  return (uv - uv.cwiseMax(lower).cwiseMin(upper)).norm();
+}
+
+Vec3 Clip::place(const Vec2& uv) const {
+  const Vec2 d = uv - region.center();
+  return position + rotation * Vec3(d.x(), d.y(), 0);
+}
+
+std::vector<int> clip_of_vertices(const TriangleMesh& mesh, const std::vector<Clip>& clips) {
+  std::vector<int> clip_of(at(mesh.vertex_count()), -1);
+  for (std::size_t c = 0; c < clips.size(); ++c) {
+    int count = 0;
+    for (std::size_t i = 0; i < clip_of.size(); ++i) {
+      const Vec2 uv = mesh.material.col(static_cast<Eigen::Index>(i));
+      if (!clips[c].region.contains(uv)) continue;
+      if (clip_of[i] >= 0)
+        throw Error(fmt::format("clips {} and {} both hold the point ({:g}, {:g}) m", clip_of[i], c,
+                                uv.x(), uv.y()));
+      clip_of[i] = static_cast<int>(c);
+      ++count;
+    }
+    if (count < 2)
+      throw Error(
+          fmt::format("clip {} holds {} vertices of the mesh; at least 2 are needed", c, count));
+  }
+  return clip_of;
+}
+
+Points blend_of_clips(const MaterialPoints& material, const std::vector<Clip>& clips) {
+  Points x(3, material.cols());
+  for (Eigen::Index i = 0; i < material.cols(); ++i) {
+    Vec3 sum = Vec3::Zero();
+    double weights = 0;
+    for (const Clip& clip : clips) {
+      const double d = clip.region.distance(material.col(i)) + kLeastDistance;
+      sum += clip.place(material.col(i)) / (d * d);
+      weights += 1 / (d * d);
+    }
+    x.col(i) = sum / weights;
+  }
+  return x;
+}
+
+HeavyCloth::HeavyCloth(const ElasticModel& model, double areal_density, const Vec3& gravity)
+    : model_(model), masses_(areal_density * vertex_areas(model.mesh())), gravity_(gravity) {
+  if (!(areal_density > 0) || !std::isfinite(areal_density))
+    throw Error(fmt::format("areal density is {:g} kg/m^2, must be above 0", areal_density));
+}
+
+double HeavyCloth::value(const Points& x) const {
+  return model_.energy(x) - gravity_.dot(x * masses_);
+}
+
+void HeavyCloth::gradient(const Points& x, Points& gradient) const {
+  model_.gradient(x, gradient);
+  gradient.noalias() -= gravity_ * masses_.transpose();
+}
+
+void HeavyCloth::hessian(const Points& x, HessianKind kind, Points& gradient,
+                         SparseMatrix& hessian) const {
+  model_.hessian(x, kind, gradient, hessian);
+  gradient.noalias() -= gravity_ * masses_.transpose();
+}
+
+ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& clips, Points start,
+                            const StaticOptions& options) {
+  const std::vector<int> clip_of = clip_of_vertices(cloth.mesh(), clips);
+  for (Eigen::Index i = 0; i < start.cols(); ++i) {
+    const int clip = clip_of[at(i)];
+    if (clip >= 0) start.col(i) = clips[at(clip)].place(cloth.mesh().material.col(i));
+  }
+  StaticResult found = solve_static(cloth, std::move(start), flags_of_held(clip_of), options);
+  ClipEquilibrium result;
+  result.x = std::move(found.x);
+  result.residual = found.residual;
+  result.iterations = found.iterations;
+  result.converged = found.converged;
+  Points gradient;
+  cloth.gradient(result.x, gradient);
+  sum_reactions(gradient, clip_of, clips, result);
+  return result;
+}
+
+ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
+                                     const Points& x) {
+  const std::vector<int> clip_of = clip_of_vertices(cloth.mesh(), clips);
+  SparseMatrix hessian = cloth.hessian_pattern();
+  hessian.coeffs().setZero();
+  Points gradient;
+  cloth.hessian(x, HessianKind::exact, gradient, hessian);
+  SparseCholesky<double> cholesky(hessian, flags_of_held(clip_of), cloth.mesh().material);
+
+  ClipSensitivities result;
+  result.inexact = !factorize(cloth.masses(), hessian, cholesky);
+  MatX derivative;
+  cloth.model().parameter_derivative(x, derivative);
+  result.x = -derivative;
+  solve_columns(cholesky, result.x);
+  derivative += hessian.selfadjointView<Eigen::Lower>() * result.x;
+  result.forces = MatX::Zero(3 * static_cast<Eigen::Index>(clips.size()), derivative.cols());
+  for (std::size_t i = 0; i < clip_of.size(); ++i) {
+    if (clip_of[i] < 0) continue;
+    result.forces.middleRows(3 * clip_of[i], 3) +=
+        derivative.middleRows(3 * static_cast<Eigen::Index>(i), 3);
+  }
+  return result;
+}
+
+}  // namespace weft

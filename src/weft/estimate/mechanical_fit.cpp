@@ -1,0 +1,294 @@
+#include "weft/estimate/mechanical_fit.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "weft/base/error.h"
+
+namespace weft {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/// Half an interval of this part of the range and more says nothing (as in uncertainty.cpp).
+constexpr double kWidestHalf = 0.5;
+
+std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
+
+void check(const MechanicalCostOptions& options) {
+  if (!(options.force_noise > 0) || !std::isfinite(options.force_noise))
+    throw Error(fmt::format("force noise is {:g} N, must be above 0", options.force_noise));
+  if (!(options.point_noise > 0) || !std::isfinite(options.point_noise))
+    throw Error(fmt::format("point noise is {:g} m, must be above 0", options.point_noise));
+}
+
+}  // namespace
+
+MechanicalResiduals mechanical_residuals_from_name(std::string_view name) {
+  if (name == "auto") return MechanicalResiduals::automatic;
+  if (name == "forces") return MechanicalResiduals::forces;
+  if (name == "points") return MechanicalResiduals::points;
+  if (name == "both") return MechanicalResiduals::both;
+  throw Error(
+      fmt::format("residuals \"{}\" are not known; known: auto, forces, points, both", name));
+}
+
+MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const MechanicalTrial>> trials,
+                                     Fabric fabric, std::vector<std::string> free,
+                                     const MechanicalCostOptions& options, int threads)
+    : trials_(std::move(trials)), fabric_(std::move(fabric)), options_(options), threads_(threads) {
+  check(options);
+  for (const std::string& name : free) {
+    const int index = parameter_index(fabric_.model, name);
+    if (std::find(indices_.begin(), indices_.end(), index) != indices_.end())
+      throw Error(fmt::format("parameter \"{}\" is named twice", name));
+    indices_.push_back(index);
+  }
+  if (indices_.empty()) throw Error("no parameters to search");
+  for (const auto& trial : trials_) {
+    std::size_t count = 0;
+    if (uses_forces(*trial))
+      for (const MechanicalFixture& fixture : trial->capture.fixtures)
+        count += at((!fixture.forces.array().isNaN()).count());
+    if (uses_points(*trial))
+      for (const int stage : trial->stage_of_frame)
+        count += 3 * at(std::count(trial->stages[at(stage)].point_held.begin(),
+                                   trial->stages[at(stage)].point_held.end(), 0));
+    if (count == 0)
+      throw Error(fmt::format("capture \"{}\" has nothing to compare: no measured {}",
+                              trial->capture.name, uses_forces(*trial) ? "forces" : "points"));
+    residual_count_ += count;
+  }
+}
+
+bool MechanicalProblem::uses_forces(const MechanicalTrial& trial) const {
+  if (options_.residuals == MechanicalResiduals::automatic)
+    return trial.capture.fixtures.size() > 1 || !trial.geometry;
+  return options_.residuals != MechanicalResiduals::points;
+}
+
+bool MechanicalProblem::uses_points(const MechanicalTrial& trial) const {
+  if (!trial.geometry) return false;
+  if (options_.residuals == MechanicalResiduals::automatic)
+    return trial.capture.fixtures.size() == 1;
+  return options_.residuals != MechanicalResiduals::forces;
+}
+
+VecX MechanicalProblem::scaled(const Fabric& fabric) const {
+  VecX x(dimension());
+  for (int i = 0; i < dimension(); ++i) x[i] = to_scaled(info(i), fabric.values[indices_[at(i)]]);
+  return x;
+}
+
+Fabric MechanicalProblem::fabric(const VecX& scaled) const {
+  Fabric fabric = fabric_;
+  for (int i = 0; i < dimension(); ++i)
+    fabric.values[indices_[at(i)]] = from_scaled(info(i), scaled[i]);
+  return fabric;
+}
+
+bool MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivatives derivatives,
+                                 std::vector<std::vector<MechanicalFrame>>& frames,
+                                 std::string* reason) const {
+  std::string found;
+  try {
+    frames = simulate_mechanical(trials_, fabric(scaled), derivatives, threads_);
+  } catch (const Error& error) {
+    found = error.what();  // of values that the model refuses
+  }
+  for (std::size_t t = 0; found.empty() && t < frames.size(); ++t)
+    for (const MechanicalFrame& frame : frames[t])
+      if (!(frame.residual <= options_.largest_residual) && found.empty())
+        found = fmt::format("{}: no equilibrium at frame {}: a net force of {:.2g} N is left",
+                            trials_[t]->capture.name, frame.frame, frame.residual);
+  if (reason) *reason = found;
+  return found.empty();
+}
+
+void MechanicalProblem::residuals(const MechanicalTrial& trial, const MechanicalFrame& frame,
+                                  VecX& r, MatX* jacobian) const {
+  const Eigen::Index parameters = fabric_.values.size();
+  const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame.frame)])];
+  const Eigen::Index most = frame.forces.size() + (trial.geometry ? frame.points.size() : 0);
+  r.resize(most);
+  if (jacobian) jacobian->resize(most, parameters);
+  Eigen::Index count = 0;
+  const auto add = [&](double difference, double noise, const MatX& derivative, Eigen::Index row) {
+    r[count] = difference / noise;
+    if (jacobian) jacobian->row(count) = derivative.row(row) / noise;
+    ++count;
+  };
+  if (uses_forces(trial)) {
+    for (std::size_t c = 0; c < trial.capture.fixtures.size(); ++c) {
+      const Points& measured = trial.capture.fixtures[c].forces;
+      if (measured.cols() == 0) continue;
+      for (Eigen::Index k = 0; k < 3; ++k) {
+        const auto clip = static_cast<Eigen::Index>(c);
+        if (std::isnan(measured(k, frame.frame))) continue;
+        add(frame.forces(k, clip) - measured(k, frame.frame), options_.force_noise,
+            frame.force_derivative, 3 * clip + k);
+      }
+    }
+  }
+  if (uses_points(trial)) {
+    const Points& measured = trial.geometry->frames[at(frame.frame)];
+    for (Eigen::Index i = 0; i < measured.cols(); ++i) {
+      if (stage.point_held[at(i)]) continue;
+      for (Eigen::Index k = 0; k < 3; ++k)
+        add(frame.points(k, i) - measured(k, i), options_.point_noise, frame.point_derivative,
+            3 * i + k);
+    }
+  }
+  r.conservativeResize(count);
+  if (jacobian) jacobian->conservativeResize(count, parameters);
+}
+
+double MechanicalProblem::cost(const VecX& scaled, std::string* reason) const {
+  std::vector<std::vector<MechanicalFrame>> frames;
+  if (!simulate(scaled, MechanicalDerivatives::none, frames, reason)) return kInfinity;
+  double sum = 0;
+  VecX r;
+  for (std::size_t t = 0; t < trials_.size(); ++t)
+    for (const MechanicalFrame& frame : frames[t]) {
+      residuals(*trials_[t], frame, r, nullptr);
+      sum += r.squaredNorm();
+    }
+  return sum / static_cast<double>(residual_count_);
+}
+
+MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled) const {
+  Linearization result;
+  result.model.gradient = VecX::Zero(dimension());
+  result.model.hessian = MatX::Zero(dimension(), dimension());
+  std::vector<std::vector<MechanicalFrame>> frames;
+  if (!simulate(scaled, MechanicalDerivatives::all, frames, nullptr)) {
+    result.model.cost = kInfinity;
+    return result;
+  }
+  VecX slopes(dimension());
+  for (int i = 0; i < dimension(); ++i) slopes[i] = scaled_slope(info(i), scaled[i]);
+  const double factor = 1 / static_cast<double>(residual_count_);
+  VecX r;
+  MatX all;
+  for (std::size_t t = 0; t < trials_.size(); ++t) {
+    for (const MechanicalFrame& frame : frames[t]) {
+      residuals(*trials_[t], frame, r, &all);
+      const MatX jacobian = all(Eigen::all, indices_) * slopes.asDiagonal();
+      CostPart part{t, frame.frame, 2 * factor * jacobian.transpose() * r,
+                    2 * factor * jacobian.transpose() * jacobian};
+      result.model.cost += factor * r.squaredNorm();
+      result.model.gradient += part.gradient;
+      result.model.hessian += part.hessian;
+      result.parts.push_back(std::move(part));
+      if (frame.inexact) ++result.inexact;
+    }
+  }
+  return result;
+}
+
+namespace {
+
+/// Parameters at a bound towards which the cost falls are no part of the estimate's spread.
+std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient) {
+  std::vector<Eigen::Index> indices;
+  for (Eigen::Index i = 0; i < scaled.size(); ++i) {
+    const bool held = (scaled[i] <= 0 && gradient[i] > 0) || (scaled[i] >= 1 && gradient[i] < 0);
+    if (!held) indices.push_back(i);
+  }
+  return indices;
+}
+
+void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
+                   const MechanicalProblem::Linearization& found, double confidence,
+                   MechanicalFitResult& result) {
+  const auto free = inside_bounds(scaled, found.model.gradient);
+  const Eigen::Index n = scaled.size();
+  MatX covariance = MatX::Zero(n, n);
+  VecX lost = VecX::Zero(n);  // share of each parameter that no frame, or one alone, determines
+  int clusters = static_cast<int>(found.parts.size());
+  if (clusters < 2) return;
+  if (!free.empty()) {
+    std::vector<CostPart> parts;
+    for (const CostPart& part : found.parts)
+      parts.push_back(
+          {part.trial, part.frame, VecX(part.gradient(free)), MatX(part.hessian(free, free))});
+    const ClusterCovariance c = cluster_covariance(parts);
+    result.condition = c.condition;
+    covariance(free, free) = c.covariance;
+    lost(free) = VecX(c.undetermined.rowwise().squaredNorm());
+  }
+  const double t = student_quantile(0.5 + 0.5 * confidence, clusters - 1);
+  result.correlation = MatX::Constant(n, n, std::numeric_limits<double>::quiet_NaN());
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const ParameterInfo info = problem.info(static_cast<int>(i));
+    ParameterInterval interval;
+    interval.name = info.name;
+    interval.unit = info.unit;
+    interval.value = from_scaled(info, scaled[i]);
+    interval.half_width = t * std::sqrt(covariance(i, i));
+    interval.at_lower = scaled[i] <= 0;
+    interval.at_upper = scaled[i] >= 1;
+    const bool held = std::find(free.begin(), free.end(), i) == free.end();
+    interval.determined = !held && lost[i] < 1e-6 && interval.half_width <= kWidestHalf;
+    interval.lower = interval.determined ? from_scaled(info, scaled[i] - interval.half_width) : 0;
+    interval.upper =
+        interval.determined ? from_scaled(info, scaled[i] + interval.half_width) : kInfinity;
+    result.intervals.push_back(interval);
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const double scale = std::sqrt(covariance(i, i) * covariance(j, j));
+      if (scale > 0) result.correlation(i, j) = covariance(i, j) / scale;
+    }
+  }
+}
+
+}  // namespace
+
+MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
+                                   const MechanicalFitOptions& options,
+                                   const MechanicalFitObserver& observer) {
+  const auto begin = std::chrono::steady_clock::now();
+  MechanicalFitResult result;
+  const VecX from = problem.scaled(start);
+  result.start = problem.fabric(from);
+  std::string reason;
+  bool stopped = false;
+  const auto count = [&](double cost) {
+    MechanicalFitStep step{++result.evaluations, cost, cost};
+    if (!result.history.empty()) step.best = std::min(step.best, result.history.back().best);
+    result.history.push_back(step);
+    if (observer && !observer(step)) stopped = true;
+  };
+  MechanicalProblem::Linearization last;
+  const LinearizeFunction linearize = [&](const VecX& x) {
+    last = problem.linearize(x);
+    count(last.model.cost);
+    return last.model;
+  };
+  const CostFunction cost = [&](const VecX& x) {
+    const double value = problem.cost(x);
+    count(value);
+    return value;
+  };
+  result.cost_start = problem.cost(from, &reason);
+  if (!std::isfinite(result.cost_start))
+    throw Error(fmt::format("the start cannot be computed: {}", reason));
+  const VecX zero = VecX::Zero(from.size()), one = VecX::Ones(from.size());
+  const LeastSquaresResult found =
+      minimize_least_squares(linearize, cost, from, zero, one, options.least_squares,
+                             [&](const LeastSquaresStep&) { return !stopped; });
+  result.fabric = problem.fabric(found.x);
+  result.cost = found.cost;
+  result.end = found.end;
+  const MechanicalProblem::Linearization at_end = problem.linearize(found.x);
+  ++result.evaluations;
+  result.inexact = at_end.inexact;
+  if (std::isfinite(at_end.model.cost))
+    add_intervals(problem, found.x, at_end, options.confidence, result);
+  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
+}
+
+}  // namespace weft

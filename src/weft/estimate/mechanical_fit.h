@@ -1,0 +1,118 @@
+#pragma once
+/// Least squares on forces and shapes at equilibrium (Miguel et al. 2012, section 5.1, equations 6
+/// to 9): equilibria in the inner loop, Levenberg-Marquardt with their exact sensitivities in the
+/// outer one. Parameters are searched in the scaled coordinates of parameter.h.
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "weft/estimate/least_squares.h"
+#include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/mechanical_trial.h"
+#include "weft/estimate/uncertainty.h"
+
+namespace weft {
+
+/// What of a capture is compared.
+enum class MechanicalResiduals {
+  /// Forces where two clips or more pull on the cloth, points where a single one holds it (its
+  /// force is the weight, whatever the material).
+  automatic,
+  forces,
+  points,
+  both
+};
+/// "auto", "forces", "points", "both". Throws Error for another name.
+MechanicalResiduals mechanical_residuals_from_name(std::string_view name);
+
+struct MechanicalCostOptions {
+  MechanicalResiduals residuals = MechanicalResiduals::automatic;
+  double force_noise = 3e-3;   ///< N, standard deviation of a component; > 0
+  double point_noise = 75e-6;  ///< m, of a coordinate; > 0
+  /// N: a frame whose largest net force is above counts as without equilibrium.
+  double largest_residual = 1e-5;
+};
+
+/// Sum over frames of squared differences, each divided by its noise; the cost is its mean over the
+/// compared numbers (1 for a model that lacks nothing and noise as stated).
+class MechanicalProblem {
+ public:
+  /// `free`: parameters of the fabric's model to search, distinct. Throws Error for none, for names
+  /// that the model does not have, for options out of range, and where nothing is compared.
+  MechanicalProblem(std::vector<std::shared_ptr<const MechanicalTrial>> trials, Fabric fabric,
+                    std::vector<std::string> free, const MechanicalCostOptions& options = {},
+                    int threads = 0);
+
+  int dimension() const { return static_cast<int>(indices_.size()); }
+  ParameterInfo info(int i) const { return fabric_.info(indices_[static_cast<std::size_t>(i)]); }
+  const std::vector<std::shared_ptr<const MechanicalTrial>>& trials() const { return trials_; }
+  std::size_t residual_count() const { return residual_count_; }
+  VecX scaled(const Fabric& fabric) const;
+  Fabric fabric(const VecX& scaled) const;
+
+  /// Infinity where a frame has no equilibrium or the model refuses the values; `reason` then says
+  /// which.
+  double cost(const VecX& scaled, std::string* reason = nullptr) const;
+  struct Linearization {
+    QuadraticModel model;
+    std::vector<CostPart> parts;  ///< one a frame that is compared
+    int inexact = 0;              ///< frames with inexact derivatives
+  };
+  Linearization linearize(const VecX& scaled) const;
+
+ private:
+  bool uses_forces(const MechanicalTrial& trial) const;
+  bool uses_points(const MechanicalTrial& trial) const;
+  bool simulate(const VecX& scaled, MechanicalDerivatives derivatives,
+                std::vector<std::vector<MechanicalFrame>>& frames, std::string* reason) const;
+  /// Residuals of a frame, and their derivatives by the model's parameters if `jacobian` is there.
+  void residuals(const MechanicalTrial& trial, const MechanicalFrame& frame, VecX& r,
+                 MatX* jacobian) const;
+
+  std::vector<std::shared_ptr<const MechanicalTrial>> trials_;
+  Fabric fabric_;
+  std::vector<int> indices_;
+  MechanicalCostOptions options_;
+  int threads_ = 0;
+  std::size_t residual_count_ = 0;
+};
+
+struct MechanicalFitOptions {
+  MechanicalFitOptions() {
+    least_squares.max_iterations = 60;
+    least_squares.step_tolerance = 1e-5;
+    least_squares.cost_tolerance = 1e-6;
+  }
+  LeastSquaresOptions least_squares;
+  double confidence = 0.9;  ///< of the intervals
+};
+
+struct MechanicalFitStep {
+  std::size_t evaluation = 0;  ///< from 1; the first is the start
+  double cost = 0, best = 0;
+};
+
+struct MechanicalFitResult {
+  Fabric start, fabric;
+  double cost_start = 0, cost = 0;
+  std::size_t evaluations = 0;  ///< of all frames, with or without derivatives
+  std::vector<MechanicalFitStep> history;
+  LeastSquaresEnd end = LeastSquaresEnd::max_iterations;
+  /// Of the free parameters, by the jackknife over frames (uncertainty.h); empty with fewer than
+  /// two compared frames.
+  std::vector<ParameterInterval> intervals;
+  MatX correlation;      ///< of the free parameters, scaled coordinates
+  double condition = 0;  ///< of the Gauss-Newton matrix
+  int inexact = 0;
+  double wall_s = 0;
+};
+/// After each evaluation; false stops.
+using MechanicalFitObserver = std::function<bool(const MechanicalFitStep&)>;
+
+/// From the values of `start`. Throws Error if they have no equilibrium.
+MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
+                                   const MechanicalFitOptions& options = {},
+                                   const MechanicalFitObserver& observer = {});
+
+}  // namespace weft

@@ -1,0 +1,336 @@
+#include "weft/estimate/mechanical_trial.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "weft/base/error.h"
+#include "weft/base/parallel.h"
+#include "weft/mesh/grid_lines.h"
+
+namespace weft {
+namespace {
+
+constexpr int kMostCells = 200;
+constexpr double kWidestCell = 2;      // of the narrow side
+constexpr double kFinestCell = 0.25;   // at a clip, of the widest one
+constexpr double kDeepestStrip = 0.4;  // of a clip's depth
+constexpr double kSameLine = 1e-7;     // m
+
+std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
+
+std::vector<MaterialRectangle> regions_of(const std::vector<Clip>& clips) {
+  std::vector<MaterialRectangle> regions;
+  for (const Clip& clip : clips) regions.push_back(clip.region);
+  return regions;
+}
+
+/// Along axis 0 (u) or 1 (v): from where to where a clip reaches, and whether it does so across the
+/// whole swatch.
+struct Extent {
+  double lower, upper;
+  bool whole;
+};
+
+std::vector<Extent> extents_along(int axis, const std::vector<MaterialRectangle>& regions,
+                                  const Vec2& size) {
+  const int across = 1 - axis;
+  std::vector<Extent> extents;
+  for (const MaterialRectangle& region : regions) {
+    const bool whole =
+        region.lower[across] < kSameLine && region.upper[across] > size[across] - kSameLine;
+    Extent extent{region.lower[axis], region.upper[axis], whole};
+    // What a clip at the edge of the swatch holds has no corner there.
+    if (!whole && extent.lower < kSameLine) extent.lower = -size[axis];
+    if (!whole && extent.upper > size[axis] - kSameLine) extent.upper = 2 * size[axis];
+    extents.push_back(extent);
+  }
+  std::sort(extents.begin(), extents.end(),
+            [](const Extent& a, const Extent& b) { return a.lower < b.lower; });
+  return extents;
+}
+
+/// Longest stretch that no clip covers across the whole swatch.
+double free_side(const std::vector<Extent>& extents, double size) {
+  double longest = 0, reached = 0;
+  for (const Extent& extent : extents) {
+    if (!extent.whole) continue;
+    longest = std::max(longest, extent.lower - reached);
+    reached = std::max(reached, extent.upper);
+  }
+  longest = std::max(longest, size - reached);
+  return longest > 0 ? longest : size;
+}
+
+/// Whether `place` is a border of a clip from which free cloth lies in direction `side` (-1, 1). Of
+/// a clip that does not reach across the swatch there is free cloth on both sides, beyond its
+/// corners.
+bool is_border(const Extent& extent, double place, int side) {
+  const bool lower = std::abs(extent.lower - place) < kSameLine;
+  const bool upper = std::abs(extent.upper - place) < kSameLine;
+  return (upper && (side > 0 || !extent.whole)) || (lower && (side < 0 || !extent.whole));
+}
+
+/// Lines above `lower` up to `upper`, two neighbouring borders of clips, and those beside them.
+void add_interval(double lower, double upper, double spacing, const std::vector<Extent>& extents,
+                  std::vector<double>& lines) {
+  GridGrading grading{.spacing = spacing, .first = kFinestCell * spacing};
+  bool inside = false;
+  double clip_below = 0, clip_above = 0;  // depths of the clips across the swatch at either end
+  for (const Extent& extent : extents) {
+    inside |= extent.whole && extent.lower < lower + kSameLine && extent.upper > upper - kSameLine;
+    grading.fine_lower |= is_border(extent, lower, 1);
+    grading.fine_upper |= is_border(extent, upper, -1);
+    if (!extent.whole) continue;
+    if (is_border(extent, lower, 1)) clip_below = extent.upper - extent.lower;
+    if (is_border(extent, upper, -1)) clip_above = extent.upper - extent.lower;
+  }
+  if (inside) {  // rigid: one cell will do
+    lines.push_back(upper);
+    return;
+  }
+  const std::vector<double> cells = graded_lines(lower, upper, grading);
+  lines.insert(lines.end(), cells.begin() + 1, cells.end());
+  const double first = cells[1] - cells[0], last = upper - cells[cells.size() - 2];
+  if (clip_below > 0)
+    lines.push_back(lower - std::min(kClampStrip * first, kDeepestStrip * clip_below));
+  if (clip_above > 0)
+    lines.push_back(upper + std::min(kClampStrip * last, kDeepestStrip * clip_above));
+}
+
+std::vector<double> lines_along(const std::vector<Extent>& extents, double size, double spacing) {
+  std::vector<double> borders;
+  for (const Extent& extent : extents) borders.insert(borders.end(), {extent.lower, extent.upper});
+  // With a spacing as wide as the swatch: the borders alone.
+  const std::vector<double> fixed = grid_lines(size, borders, size);
+  std::vector<double> lines{0.0};
+  for (std::size_t i = 0; i + 1 < fixed.size(); ++i)
+    add_interval(fixed[i], fixed[i + 1], spacing, extents, lines);
+  std::sort(lines.begin(), lines.end());
+  return lines;
+}
+
+TriangleMesh make_mesh(const std::vector<MaterialRectangle>& regions, const Vec2& size,
+                       const MechanicalOptions& options) {
+  const std::vector<Extent> u = extents_along(0, regions, size),
+                            v = extents_along(1, regions, size);
+  Vec2 spacing = Vec2(free_side(u, size.x()), free_side(v, size.y())) / options.cells;
+  spacing = spacing.cwiseMin(kWidestCell * spacing.minCoeff());
+  return make_swatch(lines_along(u, size.x(), spacing.x()), lines_along(v, size.y(), spacing.y()),
+                     options.pattern);
+}
+
+void add_points(const MeasuredGeometry& geometry, const std::vector<MaterialRectangle>& regions,
+                MechanicalStage& stage) {
+  const MaterialLocator locator(stage.mesh);
+  const MaterialPoints& uv = geometry.mesh.material;
+  std::vector<Eigen::Triplet<double>> entries;
+  for (Eigen::Index i = 0; i < uv.cols(); ++i) {
+    const auto hit = locator.locate(uv.col(i));
+    const auto& triangle = stage.mesh.triangles[at(hit.triangle)];
+    for (int corner = 0; corner < 3; ++corner)
+      for (int k = 0; k < 3; ++k)
+        entries.emplace_back(static_cast<int>(3 * i + k), 3 * triangle[at(corner)] + k,
+                             hit.barycentric[corner]);
+    const Vec2 point = uv.col(i);
+    stage.point_held.push_back(std::any_of(regions.begin(), regions.end(),
+                                           [&](const auto& r) { return r.contains(point); }));
+  }
+  stage.points.resize(static_cast<int>(3 * uv.cols()), 3 * stage.mesh.vertex_count());
+  stage.points.setFromTriplets(entries.begin(), entries.end());
+}
+
+/// Frames of one trial that follow each other: each starts from the one before.
+struct Chain {
+  std::size_t trial;
+  std::vector<int> frames;
+};
+
+std::vector<Chain> chains_of(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials) {
+  std::vector<Chain> chains;
+  for (std::size_t t = 0; t < trials.size(); ++t) {
+    for (int frame = 0; frame < trials[t]->capture.frame_count; ++frame) {
+      // A measured shape to start from makes frames independent of each other.
+      if (frame == 0 || trials[t]->geometry) chains.push_back({t, {}});
+      chains.back().frames.push_back(frame);
+    }
+  }
+  return chains;
+}
+
+/// Where the frame starts; `before` is the frame before it in its chain, null for the first.
+Points start_of(const MechanicalTrial& trial, int frame, const MechanicalFrame* before) {
+  const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame)])];
+  const MaterialPoints& material = stage.mesh.material;
+  if (trial.geometry) {
+    const MeasuredGeometry& geometry = *trial.geometry;
+    return interpolate(geometry.mesh, MaterialLocator(geometry.mesh), geometry.frames[at(frame)],
+                       material);
+  }
+  const Points between = blend_of_clips(material, trial.capture.clips(frame));
+  if (!before) return between;
+  const MechanicalStage& old = trial.stages[at(trial.stage_of_frame[at(before->frame)])];
+  const Points moved = between - blend_of_clips(material, trial.capture.clips(before->frame));
+  if (&old == &stage) return before->x + moved;
+  return interpolate(old.mesh, MaterialLocator(old.mesh), before->x, material) + moved;
+}
+
+MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame, const Fabric& fabric,
+                               MechanicalDerivatives derivatives, const MechanicalFrame* before) {
+  const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame)])];
+  const MechanicalCapture& capture = trial.capture;
+  const auto model = make_elastic_model(stage.mesh, fabric, capture.grain_angle);
+  const HeavyCloth cloth(*model, capture.areal_density, capture.gravity);
+  const std::vector<Clip> clips = capture.clips(frame);
+  ClipEquilibrium found =
+      solve_clips(cloth, clips, start_of(trial, frame, before), trial.options.statics);
+  MechanicalFrame result;
+  result.frame = frame;
+  result.converged = found.converged;
+  result.residual = found.residual;
+  result.iterations = found.iterations;
+  result.forces = std::move(found.forces);
+  result.torques = std::move(found.torques);
+  if (trial.geometry) {
+    const VecX points = stage.points * flat(found.x);
+    result.points = Points::Map(points.data(), 3, points.size() / 3);
+  }
+  if (derivatives == MechanicalDerivatives::all) {
+    ClipSensitivities s = clip_sensitivities(cloth, clips, found.x);
+    if (trial.geometry) result.point_derivative = stage.points * s.x;
+    result.force_derivative = std::move(s.forces);
+    result.inexact = s.inexact;
+  }
+  result.x = std::move(found.x);
+  return result;
+}
+
+/// Sums of differences, over a frame or over all.
+struct Sums {
+  double force_squares = 0, force_max = 0;
+  int forces = 0;
+  double distances = 0, distance_squares = 0, distance_max = 0;
+  int points = 0;
+
+  void add(const Sums& other) {
+    force_squares += other.force_squares;
+    force_max = std::max(force_max, other.force_max);
+    forces += other.forces;
+    distances += other.distances;
+    distance_squares += other.distance_squares;
+    distance_max = std::max(distance_max, other.distance_max);
+    points += other.points;
+  }
+  double force_rms() const { return forces ? std::sqrt(force_squares / forces) : 0; }
+  SurfaceDistance distance() const {
+    if (!points) return {};
+    return {distances / points, std::sqrt(distance_squares / points), distance_max};
+  }
+};
+
+Sums difference(const MechanicalTrial& trial, const MechanicalFrame& frame) {
+  Sums sums;
+  for (std::size_t c = 0; c < trial.capture.fixtures.size(); ++c) {
+    const Points& measured = trial.capture.fixtures[c].forces;
+    if (measured.cols() == 0) continue;
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      const double d = frame.forces(k, static_cast<Eigen::Index>(c)) - measured(k, frame.frame);
+      if (std::isnan(measured(k, frame.frame))) continue;
+      sums.force_squares += d * d;
+      sums.force_max = std::max(sums.force_max, std::abs(d));
+      ++sums.forces;
+    }
+  }
+  if (!trial.geometry) return sums;
+  const Points& measured = trial.geometry->frames[at(frame.frame)];
+  const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame.frame)])];
+  for (Eigen::Index i = 0; i < measured.cols(); ++i) {
+    if (stage.point_held[at(i)]) continue;
+    const double d = (frame.points.col(i) - measured.col(i)).norm();
+    sums.distances += d;
+    sums.distance_squares += d * d;
+    sums.distance_max = std::max(sums.distance_max, d);
+    ++sums.points;
+  }
+  return sums;
+}
+
+double largest_measured_force(const MechanicalCapture& capture) {
+  double largest = 0;
+  for (const MechanicalFixture& fixture : capture.fixtures)
+    for (Eigen::Index k = 0; k < fixture.forces.cols(); ++k) {
+      const Vec3 force = fixture.forces.col(k);
+      const Vec3 known = force.array().isNaN().select(Vec3::Zero(), force);
+      largest = std::max(largest, known.norm());
+    }
+  return largest;
+}
+
+}  // namespace
+
+std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
+                                                          const MechanicalOptions& options) {
+  if (options.cells < 2 || options.cells > kMostCells)
+    throw Error(fmt::format("cells is {}, must be in [2, {}]", options.cells, kMostCells));
+  auto trial = std::make_shared<MechanicalTrial>();
+  trial->capture = capture;
+  trial->options = options;
+  if (capture.geometry) trial->geometry = read_geometry(capture);
+  std::vector<std::vector<MaterialRectangle>> seen;
+  for (int frame = 0; frame < capture.frame_count; ++frame) {
+    const auto regions = regions_of(capture.clips(frame));
+    const auto found = std::find(seen.begin(), seen.end(), regions);
+    const auto index = static_cast<std::size_t>(found - seen.begin());
+    if (found == seen.end()) {
+      seen.push_back(regions);
+      MechanicalStage& stage = trial->stages.emplace_back();
+      stage.mesh = make_mesh(regions, Vec2(capture.width, capture.height), options);
+      clip_of_vertices(stage.mesh, capture.clips(frame));  // throws if they do not fit
+      if (trial->geometry) add_points(*trial->geometry, regions, stage);
+    }
+    trial->stages[index].frames.push_back(frame);
+    trial->stage_of_frame.push_back(static_cast<int>(index));
+  }
+  return trial;
+}
+
+std::vector<std::vector<MechanicalFrame>> simulate_mechanical(
+    const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
+    MechanicalDerivatives derivatives, int threads) {
+  std::vector<std::vector<MechanicalFrame>> results;
+  for (const auto& trial : trials) results.emplace_back(at(trial->capture.frame_count));
+  const std::vector<Chain> chains = chains_of(trials);
+  parallel_for(chains.size(), threads, [&](std::size_t i) {
+    const MechanicalFrame* before = nullptr;
+    for (const int frame : chains[i].frames) {
+      MechanicalFrame& result = results[chains[i].trial][at(frame)];
+      result = simulate_frame(*trials[chains[i].trial], frame, fabric, derivatives, before);
+      before = &result;
+    }
+  });
+  return results;
+}
+
+MechanicalEvaluation compare_mechanical(const MechanicalTrial& trial,
+                                        const std::vector<MechanicalFrame>& frames) {
+  MechanicalEvaluation evaluation;
+  Sums all;
+  for (const MechanicalFrame& frame : frames) {
+    const Sums sums = difference(trial, frame);
+    all.add(sums);
+    evaluation.frames.push_back({frame.frame, frame.converged, frame.residual, sums.force_rms(),
+                                 sums.force_max, sums.forces, sums.distance(), sums.points});
+    if (!frame.converged) ++evaluation.not_converged;
+  }
+  evaluation.largest_force = largest_measured_force(trial.capture);
+  evaluation.force_rms = all.force_rms();
+  if (evaluation.largest_force > 0)
+    evaluation.force_relative = evaluation.force_rms / evaluation.largest_force;
+  evaluation.force_count = all.forces;
+  evaluation.distance = all.distance();
+  evaluation.point_count = all.points;
+  return evaluation;
+}
+
+}  // namespace weft

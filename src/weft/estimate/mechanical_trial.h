@@ -1,0 +1,103 @@
+#pragma once
+/// A mechanical capture made ready to be computed: meshes whose grid lines lie on the clips'
+/// borders, the clips at each frame, and where the measured points lie on the mesh.
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "weft/capture/capture.h"
+#include "weft/capture/mechanical_capture.h"
+#include "weft/fabric/fabric.h"
+
+namespace weft {
+
+struct MechanicalOptions {
+  /// Cells of the grid across the shortest free side of the cloth (of the swatch, and of what is
+  /// left between clips or beside one), 2 to 200; more where they are finer at a clip. Along the
+  /// other side cells are at most twice as wide.
+  int cells = 16;
+  GridPattern pattern = GridPattern::alternating;
+  StaticOptions statics;
+};
+
+/// Frames in which the clips hold the same regions: one mesh, whose grid lines lie on the borders
+/// of the clips.
+///
+/// At a clip the cloth bends and strains most: cells are a quarter as wide there, and grow by a
+/// tenth of the distance. Where a clip reaches across the whole swatch its border has a second line
+/// beside it, inside the clip, at kClampStrip of the width of the cell outside. A dihedral angle
+/// belongs to the triangles on both sides of its edge, D / (2 h) + D / (2 e) per width and angle
+/// for cells of h and e; what should be there is 2 D / h, the curvature over half a cell. With e =
+/// h the clamp would lie half a cell deep in the clip, with e = h / 3 it is where it is.
+struct MechanicalStage {
+  TriangleMesh mesh;
+  std::vector<int> frames;
+  /// Of measured points, from vertices: 3 points x 3 vertices.
+  SparseMatrix points;
+  std::vector<char> point_held;  ///< flags of the measured points in a clip
+};
+inline constexpr double kClampStrip = 1.0 / 3;  // of a cell
+
+struct MechanicalTrial {
+  MechanicalCapture capture;
+  std::optional<MeasuredGeometry> geometry;
+  MechanicalOptions options;
+  std::vector<MechanicalStage> stages;
+  std::vector<int> stage_of_frame;
+};
+/// Reads the measured shape, where there is one. Throws Error for options out of range, and where
+/// the clips do not fit on the mesh.
+std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
+                                                          const MechanicalOptions& options = {});
+
+/// One frame, computed.
+struct MechanicalFrame {
+  int frame = 0;
+  bool converged = false;
+  double residual = 0;  ///< N, largest net force on a free vertex
+  int iterations = 0;
+  Points x;               ///< of the stage's mesh, m
+  Points forces;          ///< of the clips on the cloth, 3 x fixtures, N
+  Points torques;         ///< about the clips' positions, 3 x fixtures, N m
+  Points points;          ///< at the measured points, m; no columns without a measured shape
+  MatX point_derivative;  ///< 3 points x parameters; empty if not asked for
+  MatX force_derivative;  ///< 3 fixtures x parameters; empty if not asked for
+  bool inexact = false;   ///< derivatives of a matrix that had to be made positive definite
+};
+
+enum class MechanicalDerivatives { none, all };
+
+/// All frames of all trials with `fabric`. A frame with a measured shape starts from it; otherwise
+/// the first starts between the clips (blend_of_clips) and each later one where the one before
+/// ended, moved along with the clips. A frame without equilibrium holds what was reached. Results
+/// do not depend on the number of threads. Throws Error for a fabric that is no elastic model, or
+/// whose values the model refuses.
+std::vector<std::vector<MechanicalFrame>> simulate_mechanical(
+    const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
+    MechanicalDerivatives derivatives = MechanicalDerivatives::none, int threads = 0);
+
+/// How far a frame's forces and shape are from the measured ones.
+struct MechanicalDifference {
+  int frame = 0;
+  bool converged = false;
+  double residual = 0;       ///< N
+  double force_rms = 0;      ///< N, over the measured components
+  double force_max = 0;      ///< N, largest difference of a component
+  int force_count = 0;       ///< measured components
+  SurfaceDistance distance;  ///< m, over the measured points outside the clips
+  int point_count = 0;       ///< of these
+};
+struct MechanicalEvaluation {
+  std::vector<MechanicalDifference> frames;
+  double largest_force = 0;   ///< N, of the measured ones: largest length of a clip's force
+  double force_rms = 0;       ///< N, over all frames
+  double force_relative = 0;  ///< force_rms / largest_force; 0 where nothing was measured
+  int force_count = 0;
+  SurfaceDistance distance;  ///< over all frames: mean of all, root of mean square, largest
+  int point_count = 0;
+  int not_converged = 0;  ///< frames
+};
+MechanicalEvaluation compare_mechanical(const MechanicalTrial& trial,
+                                        const std::vector<MechanicalFrame>& frames);
+
+}  // namespace weft
