@@ -180,6 +180,10 @@ TEST(Residuals, RejectsBadOptions) {
   for (const auto& spoil :
        {+[](ResidualOptions& o) { o.alpha = -1; }, +[](ResidualOptions& o) { o.fold_scale = 0; },
         +[](ResidualOptions& o) { o.silhouette_sigma = 0; },
+        +[](ResidualOptions& o) { o.fold_weight = -1; },
+        +[](ResidualOptions& o) { o.phase_weight = kInfinity; },
+        +[](ResidualOptions& o) { o.phase_scale = 0; },
+        +[](ResidualOptions& o) { o.largest_phase_turn = 0; },
         +[](ResidualOptions& o) { o.silhouette_sigma = 100; },
         +[](ResidualOptions& o) { o.image_step = std::nan(""); },
         +[](ResidualOptions& o) { o.largest_turn = 0; }}) {
