@@ -16,7 +16,7 @@ using testing::Energy;
 using testing::near;
 
 constexpr double kSize = 0.02;     // m, edge of a grid cell
-constexpr double kStep = 2e-5;     // m times kSize: few diagonals go slack or taut within it
+constexpr double kStep = 2e-5;     // of kSize: few diagonals go slack or taut within it
 constexpr double kDiagonal = 60;   // N/m
 constexpr double kDamping = 0.25;  // N s/m
 
