@@ -46,6 +46,7 @@ ImplicitStepper::ImplicitStepper(const ClothModel& model, const std::vector<Poin
 void ImplicitStepper::start(State state) {
   current_ = std::move(state);
   previous_.reset();
+  spare_ = {};
 }
 
 void ImplicitStepper::start(State state, std::vector<int> parameters) {
@@ -110,7 +111,7 @@ bool ImplicitStepper::advance(double time, Trajectory& counts, const StepObserve
 
 bool ImplicitStepper::take_step(double time, Trajectory& counts, std::string& reason) {
   const double h = time - current_.time;
-  State next;
+  State next = std::move(spare_);
   if (needs_start_step(h)) {
     State middle;
     const double part = kStartFraction * h;
@@ -128,6 +129,7 @@ bool ImplicitStepper::take_step(double time, Trajectory& counts, std::string& re
     const State* previous = previous_ ? &*previous_ : nullptr;
     if (!solve_stage(time, formula(h), previous, next, counts, reason)) return false;
   }
+  if (previous_) spare_ = std::move(*previous_);
   previous_ = std::move(current_);
   current_ = std::move(next);
   return true;
@@ -165,8 +167,12 @@ void ImplicitStepper::differentiate(State& next, const State* previous, const Fo
                                     const Formula& c) {
   const StateDerivatives& now = current_.derivatives;
   StateDerivatives& h = history_;
-  h.x = f.current * now.x + f.derivative * now.v;
-  h.v = f.current * now.v + f.derivative * now.a;
+  h.x = f.current * now.x;
+  h.v = f.current * now.v;
+  if (f.derivative != 0) {
+    h.x += f.derivative * now.v;
+    h.v += f.derivative * now.a;
+  }
   StrainHistory strain_history;
   strain_history.add(c.current, now.c);
   strain_history.add(c.derivative, now.c_rate);
@@ -177,7 +183,7 @@ void ImplicitStepper::differentiate(State& next, const State* previous, const Fo
   if (previous) strain_history.add(c.previous, previous->derivatives.c);
 
   response_.set_state(model_, next, parameters_, strain_history);
-  response_.add_inertia(model_.masses(), f.rate * h.x + h.v);
+  response_.add_inertia(model_.masses(), f.rate, h.x, h.v);
   response_.add_velocity_history(h.x);
   StateDerivatives& d = next.derivatives;
   const bool solved = response_.solve(hessian_, preconditioner_, d.x);

@@ -115,6 +115,7 @@ class ImplicitStepper {
   double factor_rate_ = 0;  // of the step that the factor was made for; 0: none yet
   State current_;
   std::optional<State> previous_;
+  State spare_;  // storage of a state that is done with
   // Of the step at hand.
   Points x_history_, v_history_;
   VecX c_history_;

@@ -74,9 +74,11 @@ void LinearResponse::set_state(const ClothModel& model, const State& state,
   }
 }
 
-void LinearResponse::add_inertia(const VecX& masses, const Directions& acceleration) {
+void LinearResponse::add_inertia(const VecX& masses, double rate, const Directions& velocity,
+                                 const Directions& acceleration) {
   for (int i = 0; i < right_side_.rows(); ++i)
-    row_of(right_side_, i) += masses[i / 3] * row_of(acceleration, i);
+    row_of(right_side_, i) +=
+        masses[i / 3] * (rate * row_of(velocity, i) + row_of(acceleration, i));
 }
 
 void LinearResponse::add_velocity_history(const Directions& velocity_history) {

@@ -38,8 +38,9 @@ class LinearResponse {
   /// Starts with - d(grad P)/dtheta + df_drag/dtheta at `state` + G^T w kd `history`.
   void set_state(const ClothModel& model, const State& state, const std::vector<int>& parameters,
                  const StrainHistory& history = {});
-  /// + M `acceleration`.
-  void add_inertia(const VecX& masses, const Directions& acceleration);
+  /// + M (`rate` `velocity` + `acceleration`).
+  void add_inertia(const VecX& masses, double rate, const Directions& velocity,
+                   const Directions& acceleration);
   /// - df_drag/dv `velocity_history`.
   void add_velocity_history(const Directions& velocity_history);
 
