@@ -214,6 +214,18 @@ TEST(TomlTable, WrongShapesSayWhatWasExpectedAndFound) {
   EXPECT_THAT(message("m = 1", matrix), HasSubstr("expected an array of 3 rows of 4 numbers"));
 }
 
+TEST(TomlTable, ArraysOfAnyLengthSayHowLongTheyAre) {
+  const TomlTable file = TomlTable::parse_string("a = [1, 2, 3]\nb = 1\n", "f.toml");
+  EXPECT_TRUE(file.is_array("a"));
+  EXPECT_FALSE(file.is_array("b"));
+  EXPECT_FALSE(file.is_array("c"));
+  EXPECT_EQ(file.array_size("a", 1, 3), 3);
+  EXPECT_EQ(message("a = [1, 2, 3]\n", [](const TomlTable& t) { t.array_size("a", 1, 2); }),
+            "f.toml:1: a: 3 entries; must be 1 to 2");
+  EXPECT_THAT(message("a = 1\n", [](const TomlTable& t) { t.array_size("a", 1, 2); }),
+              StartsWith("f.toml:1: a: expected an array"));
+}
+
 TEST(TomlTable, SyntaxErrorsHaveALine) {
   EXPECT_THAT(message("a = 1\nb = = 2\n", [](const TomlTable&) {}), StartsWith("f.toml:2: "));
   EXPECT_THAT(message("a = 1\na = 2\n", [](const TomlTable&) {}), StartsWith("f.toml:2: "));

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -30,6 +31,25 @@ TEST(PiecewiseLinear, Battery) {
   testing::expect_elastic_model(make_swatch(2 * kSize, 2 * kSize, 3, 3), table(), kSize);
   testing::expect_elastic_model(make_swatch(2 * kSize, 2 * kSize, 3, 3, GridPattern::uniform),
                                 table(), kSize, 0.3);
+}
+
+TEST(PiecewiseLinear, ATableOfEqualRowsIsAnOrthotropicSheet) {
+  // A66 = k_shear / 2; a cylinder at 45 degrees has 4 D_45 = D11 + D22 + 4 D66.
+  Fabric equal = table(), sheet = Fabric::with_defaults("sheet", "stvk");
+  for (int row = 0; row < 6; ++row) equal.values.segment<4>(4 * row) << 40, 6, 60, 30;
+  for (int row = 0; row < 3; ++row)
+    equal.values.segment<5>(24 + 5 * row).setConstant(std::array{4e-3, 5e-3, 2e-3}[row]);
+  sheet.values << 40, 6, 60, 15, 4e-3, 1e-12, 2e-3, 5e-3 - 1.5e-3;
+  const TriangleMesh mesh = make_swatch(2 * kSize, 2 * kSize, 3, 3);
+  const auto first = make_elastic_model(mesh, equal, 0.2);
+  const auto second = make_elastic_model(mesh, sheet, 0.2);
+  for (const Points& x : testing::states(mesh, kSize)) {
+    const VecX at = testing::vector(x);
+    EXPECT_TRUE(testing::near(testing::energy_of(*first).gradient(at),
+                              testing::energy_of(*second).gradient(at), 1e-9));
+    EXPECT_TRUE(testing::near(testing::energy_of(*first).hessian(at),
+                              testing::energy_of(*second).hessian(at), 1e-9));
+  }
 }
 
 /// Energy per area of the homogeneous Green strain (E_uu, E_vv, 2 E_uv).

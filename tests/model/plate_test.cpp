@@ -78,15 +78,15 @@ TEST(Plate, CantileverWithoutPoissonEffect) {
 }
 
 TEST(Plate, LongCantileverWithPoissonEffect) {
-  // Free sides: D11 - D12^2 / D22. The clamp keeps the sheet from curling over about a width: with
-  // 1 - D12^2 / (D11 D22) = 0.73 and a tenth of the length, some percent.
+  // Free sides: D11 - D12^2 / D22. The clamp keeps the sheet from curling over about half a width,
+  // which costs in proportion to the width over the length: extrapolated from two of them.
   const Fabric fabric = plate(2e-5, 6e-6, 6.667e-6, 4e-6);
   const double rigidity = 2e-5 - 6e-6 * 6e-6 / 6.667e-6;
-  const double coarse = cantilever(fabric, 40, 10, rigidity, GridPattern::uniform);
-  const double fine = cantilever(fabric, 80, 10, rigidity, GridPattern::uniform);
-  EXPECT_NEAR(coarse, 1, 0.03);
-  EXPECT_NEAR(fine, 1, 0.03);
-  EXPECT_NEAR(coarse, fine, 0.02);
+  const double wide = cantilever(fabric, 40, 10, rigidity, GridPattern::uniform);
+  const double narrow = cantilever(fabric, 80, 20, rigidity, GridPattern::uniform);
+  EXPECT_LT(wide, narrow);
+  EXPECT_NEAR(2 * narrow - wide, 1, 0.01);
+  EXPECT_NEAR(wide, cantilever(fabric, 80, 10, rigidity, GridPattern::uniform), 0.002);
 }
 
 TEST(Plate, TwistByForcesAtTheCorners) {
@@ -97,7 +97,7 @@ TEST(Plate, TwistByForcesAtTheCorners) {
     const auto model = make_elastic_model(mesh, plate(2e-5, 5e-6, 8e-6, d66));
     const int a = 0, b = n, c = n * (n + 1), d = c + n;
     const VecX z = deflection(*model, {a, b, c}, {{d, force}});
-    EXPECT_NEAR(z[d], force * side * side / (4 * d66), 0.02 * z[d]) << n;
+    EXPECT_NEAR(z[d], force * side * side / (4 * d66), 1e-3 * z[d]) << n;
   }
 }
 
