@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -15,6 +16,11 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Half an interval of this part of the range and more says nothing (as in uncertainty.cpp).
 constexpr double kWidestHalf = 0.5;
+/// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
+/// deviation off costs 1.
+constexpr double kEnoughReduction = 0.01;
+constexpr int kEnoughSteps = 2;
+constexpr double kManyDegrees = 1e6;  // of freedom: the normal distribution
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -201,12 +207,24 @@ std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient
   return indices;
 }
 
+/// Variances that the stated noise alone makes: the diagonal of (J^T J)^-1; the cost is the mean of
+/// squares, so that its Gauss-Newton matrix is 2 J^T J / count. Infinite where singular.
+VecX noise_variances(const MechanicalProblem& problem, const MatX& hessian) {
+  const Eigen::LDLT<MatX> factor(hessian);
+  const Eigen::Index n = hessian.rows();
+  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 0))
+    return VecX::Constant(n, kInfinity);
+  return 2 / static_cast<double>(problem.residual_count()) *
+         factor.solve(MatX::Identity(n, n)).diagonal();
+}
+
 void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
                    const MechanicalProblem::Linearization& found, double confidence,
                    MechanicalFitResult& result) {
   const auto free = inside_bounds(scaled, found.model.gradient);
   const Eigen::Index n = scaled.size();
   MatX covariance = MatX::Zero(n, n);
+  VecX noise = VecX::Zero(n);
   VecX lost = VecX::Zero(n);  // share of each parameter that no frame, or one alone, determines
   int clusters = static_cast<int>(found.parts.size());
   if (clusters < 2) return;
@@ -218,9 +236,11 @@ void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
     const ClusterCovariance c = cluster_covariance(parts);
     result.condition = c.condition;
     covariance(free, free) = c.covariance;
+    noise(free) = noise_variances(problem, found.model.hessian(free, free));
     lost(free) = VecX(c.undetermined.rowwise().squaredNorm());
   }
   const double t = student_quantile(0.5 + 0.5 * confidence, clusters - 1);
+  const double normal = student_quantile(0.5 + 0.5 * confidence, kManyDegrees);
   result.correlation = MatX::Constant(n, n, std::numeric_limits<double>::quiet_NaN());
   for (Eigen::Index i = 0; i < n; ++i) {
     const ParameterInfo info = problem.info(static_cast<int>(i));
@@ -228,7 +248,7 @@ void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
     interval.name = info.name;
     interval.unit = info.unit;
     interval.value = from_scaled(info, scaled[i]);
-    interval.half_width = t * std::sqrt(covariance(i, i));
+    interval.half_width = std::max(t * std::sqrt(covariance(i, i)), normal * std::sqrt(noise[i]));
     interval.at_lower = scaled[i] <= 0;
     interval.at_upper = scaled[i] >= 1;
     const bool held = std::find(free.begin(), free.end(), i) == free.end();
@@ -276,12 +296,21 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
   if (!std::isfinite(result.cost_start))
     throw Error(fmt::format("the start cannot be computed: {}", reason));
   const VecX zero = VecX::Zero(from.size()), one = VecX::Ones(from.size());
+  double reached = result.cost_start;
+  int small_steps = 0;
+  const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
+    if (!step.accepted) return !stopped;
+    const double reduction = (reached - step.cost) * static_cast<double>(problem.residual_count());
+    reached = step.cost;
+    small_steps = reduction < kEnoughReduction ? small_steps + 1 : 0;
+    return !stopped && small_steps < kEnoughSteps;
+  };
   const LeastSquaresResult found =
-      minimize_least_squares(linearize, cost, from, zero, one, options.least_squares,
-                             [&](const LeastSquaresStep&) { return !stopped; });
+      minimize_least_squares(linearize, cost, from, zero, one, options.least_squares, after_step);
   result.fabric = problem.fabric(found.x);
   result.cost = found.cost;
-  result.end = found.end;
+  result.end = found.end == LeastSquaresEnd::stopped && !stopped ? LeastSquaresEnd::small_reduction
+                                                                 : found.end;
   const MechanicalProblem::Linearization at_end = problem.linearize(found.x);
   ++result.evaluations;
   result.inexact = at_end.inexact;

@@ -110,7 +110,9 @@ struct MechanicalFitResult {
 /// After each evaluation; false stops.
 using MechanicalFitObserver = std::function<bool(const MechanicalFitStep&)>;
 
-/// From the values of `start`. Throws Error if they have no equilibrium.
+/// From the values of `start`, until two steps in a row have lowered the sum of squares by less
+/// than 0.01 (a parameter one standard deviation off costs 1), or as the options say. Throws Error
+/// if they have no equilibrium.
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options = {},
                                    const MechanicalFitObserver& observer = {});

@@ -1,0 +1,169 @@
+#include "weft/capture/mechanical_capture.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "capture/temporary_capture.h"
+
+namespace weft {
+namespace {
+
+using testing::HasSubstr;
+using testing::StartsWith;
+
+const std::filesystem::path kData = std::filesystem::path(WEFT_SOURCE_DIR) / "data/mechanical";
+
+/// Starts as a copy of a bundled mechanical capture.
+class ReadMechanical : public TemporaryCapture {
+ protected:
+  void SetUp() override { copy("blend_strip_45"); }
+  void copy(const std::string& name) const {
+    for (const char* file : {"capture.toml", "clips.csv", "rest.obj", "points.pc2"})
+      write(file, text_of(kData / name / file));
+  }
+  std::string refusal() const {
+    return message_of([this] { read_geometry(read_mechanical_capture(folder_)); });
+  }
+  std::string refusal_with(const std::string& file, const std::string& before,
+                           const std::string& after) const {
+    const std::string original = text_of(folder_ / file);
+    replace(file, before, after);
+    std::string result = refusal();
+    write(file, original);
+    return result;
+  }
+};
+
+TEST_F(ReadMechanical, ReadsAStrip) {
+  const MechanicalCapture capture = read_mechanical_capture(folder_);
+  EXPECT_EQ(capture.name, "blend_strip_45");
+  EXPECT_EQ(capture.width, 0.15);
+  EXPECT_EQ(capture.height, 0.025);
+  EXPECT_EQ(capture.areal_density, 0.25);
+  EXPECT_NEAR(capture.grain_angle, std::numbers::pi / 4, 1e-15);
+  EXPECT_EQ(capture.gravity, Vec3::Zero());
+  EXPECT_EQ(capture.frame_count, 12);
+  ASSERT_EQ(capture.fixtures.size(), 2u);
+  const MechanicalFixture& right = capture.fixtures[1];
+  EXPECT_EQ(right.name, "right");
+  EXPECT_EQ(right.frames[11].region.lower, Vec2(0.145, 0));
+  EXPECT_NEAR((right.frames[11].position - Vec3(0.1503, 0.0125, 0)).norm(), 0, 1e-12);
+  ASSERT_EQ(right.forces.cols(), 12);
+  EXPECT_GT(right.forces(0, 11), 0.18);
+  EXPECT_TRUE(capture.truth.has_value());
+  EXPECT_EQ(read_geometry(capture).frames.size(), 12u);
+}
+
+TEST_F(ReadMechanical, RegionsMayChangeFromFrameToFrame) {
+  copy("knit_bend_u");
+  const MechanicalCapture capture = read_mechanical_capture(folder_);
+  EXPECT_NEAR(capture.fixtures[0].frames.front().region.upper.x(), 0.08, 1e-12);
+  EXPECT_LT(capture.fixtures[0].frames.back().region.upper.x(), 0.02);
+}
+
+// Shape and clips were written for different purposes: what a clip holds must be where its pose
+// says.
+TEST_F(ReadMechanical, MeasuredPointsInAClipAreWhereItHasThem) {
+  for (const char* name : {"blend_strip_45", "knit_bend_u"}) {
+    copy(name);
+    const MechanicalCapture capture = read_mechanical_capture(folder_);
+    const MeasuredGeometry geometry = read_geometry(capture);
+    for (int frame = 0; frame < capture.frame_count; ++frame) {
+      int held = 0;
+      for (const Clip& clip : capture.clips(frame)) {
+        for (Eigen::Index i = 0; i < geometry.mesh.material.cols(); ++i) {
+          const Vec2 uv = geometry.mesh.material.col(i);
+          if (!clip.region.contains(uv)) continue;
+          ++held;
+          const Vec3 x = geometry.frames[static_cast<std::size_t>(frame)].col(i);
+          // 32-bit floats, and the nine digits of the table.
+          EXPECT_LT((clip.place(uv) - x).norm(), 1e-7);
+        }
+      }
+      EXPECT_GT(held, 4);
+    }
+  }
+}
+
+TEST_F(ReadMechanical, NamesFileLineAndKey) {
+  EXPECT_THAT(refusal_with("capture.toml", "width = 0.15", "width = 0"),
+              StartsWith("capture.toml:8: swatch.width: 0 is out of range"));
+  EXPECT_THAT(refusal_with("capture.toml", "grain_angle_deg", "grain_angle"),
+              HasSubstr("swatch.grain_angle: unknown key; did you mean \"grain_angle_deg\"?"));
+  EXPECT_THAT(refusal_with("capture.toml", "kind = \"bar\"", "kind = \"point\""),
+              HasSubstr("fixture[0].kind: \"point\" is not valid; must be \"bar\""));
+  EXPECT_THAT(refusal_with("capture.toml", "[0.005, 0.025]]", "[0.005, 0.03]]"),
+              HasSubstr("reaches off the swatch"));
+  EXPECT_THAT(refusal_with("capture.toml", "[[0, 0], [0.005", "[[0.006, 0], [0.005"),
+              HasSubstr("below and left of"));
+  EXPECT_THAT(refusal_with("capture.toml", "[[0.145, 0]", "[[0.004, 0]"), HasSubstr("overlap"));
+  EXPECT_THAT(refusal_with("capture.toml", "\"left_px\"", "\"left_x\""),
+              HasSubstr("clips.csv has no column \"left_x\""));
+  EXPECT_THAT(refusal_with("capture.toml", "count = 12", "count = 13"),
+              HasSubstr("clips.csv: 12 rows; the capture has 13 frames"));
+  EXPECT_THAT(refusal_with("capture.toml", "points.pc2", "point.pc2"), HasSubstr("no such file"));
+  EXPECT_THAT(refusal_with("clips.csv", ",1,0,0,0,", ",0.9,0,0,0,"),
+              StartsWith("clips.csv:2: left_qw: quaternion of length 0.9"));
+  EXPECT_THAT(refusal_with("clips.csv", "0.147535", "147.535"), HasSubstr("m apart at frame 0"));
+}
+
+TEST_F(ReadMechanical, EachReaderSaysWhatTheOtherKindNeeds) {
+  EXPECT_EQ(capture_kind(folder_), CaptureKind::mechanical);
+  EXPECT_EQ(capture_kind(bundled_capture()), CaptureKind::video);
+  EXPECT_THAT(message(), HasSubstr("kind: a mechanical capture; this command needs a video"));
+  EXPECT_THAT(message_of([] { read_mechanical_capture(bundled_capture()); }),
+              HasSubstr("kind: a video; a mechanical capture"));
+}
+
+class StandardTest : public ReadMechanical {
+ protected:
+  void SetUp() override {
+    write("capture.toml",
+          "format = \"weft-capture\"\nversion = 1\nkind = \"mechanical\"\ntest = \"strip\"\n"
+          "[specimen]\nfree_length = 0.2\nwidth = 0.05\nareal_density = 0.15\n"
+          "grain_angle_deg = 30\n[curve]\nfile = \"curve.csv\"\ndisplacement = \"s\"\n"
+          "force = \"F\"\ndisplacement_unit = \"mm\"\nforce_unit = \"cN\"\n");
+    write("curve.csv", "s,F\n0,0\n1,20\n2.5,55\n");
+  }
+};
+
+TEST_F(StandardTest, IsAStripBetweenTwoJaws) {
+  const MechanicalCapture capture = read_mechanical_capture(folder_);
+  EXPECT_EQ(capture.frame_count, 3);
+  EXPECT_NEAR(capture.grain_angle, std::numbers::pi / 6, 1e-15);
+  EXPECT_EQ(capture.gravity, Vec3::Zero());
+  EXPECT_EQ(capture.height, 0.05);
+  ASSERT_EQ(capture.fixtures.size(), 2u);
+  const auto& fixed = capture.fixtures[0];
+  const auto& moving = capture.fixtures[1];
+  for (const auto& [frame, shift] : {std::pair{0, 0.0}, {1, 0.001}, {2, 0.0025}}) {
+    const Clip &a = fixed.frames[static_cast<std::size_t>(frame)],
+               &b = moving.frames[static_cast<std::size_t>(frame)];
+    EXPECT_NEAR(b.region.lower.x() - a.region.upper.x(), 0.2, 1e-12);
+    EXPECT_NEAR(b.place({b.region.lower.x(), 0}).x() - a.place({a.region.upper.x(), 0}).x(),
+                0.2 + shift, 1e-12);
+  }
+  EXPECT_EQ(fixed.forces.cols(), 0);
+  EXPECT_NEAR(moving.forces(0, 2), 0.55, 1e-15);
+  EXPECT_TRUE(std::isnan(moving.forces(1, 2)));
+}
+
+TEST_F(StandardTest, BiasExtensionIsAt45DegreesUnlessStated) {
+  replace("capture.toml", "\"strip\"", "\"bias-extension\"");
+  replace("capture.toml", "grain_angle_deg = 30\n", "");
+  EXPECT_NEAR(read_mechanical_capture(folder_).grain_angle, std::numbers::pi / 4, 1e-15);
+}
+
+TEST_F(StandardTest, RefusesWhatItDoesNotKnow) {
+  EXPECT_THAT(refusal_with("capture.toml", "\"strip\"", "\"grab\""),
+              HasSubstr("test: \"grab\" is not valid; must be one of"));
+  EXPECT_THAT(refusal_with("capture.toml", "\"F\"", "\"force\""),
+              HasSubstr("curve.csv has no column \"force\""));
+  EXPECT_THAT(refusal_with("curve.csv", "20", "x"),
+              StartsWith("curve.csv:3: F: \"x\" is not a finite number"));
+}
+
+}  // namespace
+}  // namespace weft
