@@ -5,9 +5,9 @@
 ///
 ///     weft_validate_suggest OUT [REPEATS]
 ///
-/// Small (17 x 17 vertices, 10 frames of 160 x 120 px), the truth split the other way, at
-/// twice the steps. Writes suggest.svg and suggest.csv and prints a table; status 1 if the one that
-/// is ranked first does not have the narrowest intervals.
+/// Small: 17 x 17 vertices, 10 frames of 160 x 120 px; the truth has the mesh and steps of the fit,
+/// so that the noise is all that is wrong. Writes suggest.svg and suggest.csv and prints a table;
+/// status 1 if the one that is ranked first does not have the narrowest intervals.
 #include "weft/estimate/suggest.h"
 
 #include <fmt/core.h>
@@ -20,7 +20,7 @@
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
-#include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/patch_parts.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/report/plot.h"
@@ -85,7 +85,8 @@ class Maker {
            Eigen::Ref<VecX> errors) const {
     SyntheticOptions truth;
     truth.columns = truth.rows = kGrid;
-    truth.simulation.steps_per_frame = 8;
+    truth.pattern = GridPattern::alternating;
+    truth.simulation = trial_options().simulation;
     truth.seed = 100 + repeat;
     truth.threads = 1;
     const auto trial =
@@ -107,7 +108,7 @@ class Maker {
                                [&](const VecX& x) { return evaluate_cost(problem, x, how).cost; },
                                start, VecX::Zero(start.size()), VecX::Ones(start.size()), solver);
     const Uncertainty uncertainty =
-        estimate_uncertainty(problem, found.x, linearize(problem, found.x, how).parts);
+        estimate_uncertainty(problem, found.x, linearize_patches(problem, found.x, how));
     for (std::size_t i = 0; i < kTargets.size(); ++i) {
       const int at = problem.index_of(kTargets[i]);
       const auto row = static_cast<Eigen::Index>(i);
