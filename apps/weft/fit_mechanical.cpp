@@ -32,11 +32,17 @@ Fabric start_fabric(const MechanicalFitArguments& arguments,
 }
 
 std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments,
-                                         const std::string& model) {
-  check_parameters("--parameters", model, arguments.parameters);
+                                         const Fabric& fabric) {
+  for (const std::string& name : arguments.parameters) {
+    try {
+      fabric.value_index(name);
+    } catch (const Error& error) {
+      throw Error(fmt::format("--parameters: {}", error.what()));
+    }
+  }
   if (!arguments.parameters.empty()) return arguments.parameters;
   std::vector<std::string> names;
-  for (const ParameterInfo& info : model_parameters(model)) names.emplace_back(info.name);
+  for (int i = 0; i < fabric.values.size(); ++i) names.emplace_back(fabric.info(i).name);
   return names;
 }
 
@@ -174,7 +180,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   cost.residuals = mechanical_residuals_from_name(arguments.residuals);
   cost.force_noise = arguments.force_noise;
   cost.point_noise = arguments.point_noise;
-  const MechanicalProblem problem(trials, initial, free_parameters(arguments, initial.model), cost,
+  const MechanicalProblem problem(trials, initial, free_parameters(arguments, initial), cost,
                                   arguments.threads);
   Progress progress("least squares", 0);
   const MechanicalFitResult fit = fit_mechanical(

@@ -311,16 +311,20 @@ TEST(DualNumbers, DragAndItsDerivatives) {
       const MatX jacobian = testing::dual_jacobian(reference, state);
       DragJacobian drag;
       model.drag_jacobian(points(x), points(v), drag);
-      ASSERT_EQ(drag.elements.size(), 1u);
-      const DragJacobian::Element& element = drag.elements[0];
+      ASSERT_EQ(drag.groups.size(), 1u);
+      const DragJacobian::Group& group = drag.groups[0];
+      const auto first_lane = [](const Matrix3<Lanes>& lanes) {
+        Mat3 m;
+        for (std::size_t i = 0; i < 9; ++i)
+          m(Eigen::Index(i / 3), Eigen::Index(i % 3)) = lanes.m[i][0];
+        return m;
+      };
       for (std::size_t j = 0; j < 3; ++j) {
-        const auto vertex = static_cast<Eigen::Index>(element.vertices[j]);
-        using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-        EXPECT_TRUE(near(Mat3(Eigen::Map<const RowMajor>(element.by_position[j].data())),
-                         jacobian.middleCols<3>(3 * vertex), kDigits,
-                         jacobian.leftCols(9).cwiseAbs().maxCoeff()));
-        EXPECT_TRUE(near(Mat3(Eigen::Map<const RowMajor>(element.by_velocity.data())),
-                         jacobian.middleCols<3>(9 + 3 * vertex), kDigits));
+        const auto vertex = static_cast<Eigen::Index>(group.vertices[j][0]);
+        EXPECT_TRUE(near(first_lane(group.by_position[j]), jacobian.middleCols<3>(3 * vertex),
+                         kDigits, jacobian.leftCols(9).cwiseAbs().maxCoeff()));
+        EXPECT_TRUE(
+            near(first_lane(group.by_velocity), jacobian.middleCols<3>(9 + 3 * vertex), kDigits));
       }
       SparseMatrix damping = model.hessian_pattern();
       model.add_drag_damping(points(x), points(v), 2.5, damping);

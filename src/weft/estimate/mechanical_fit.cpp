@@ -48,7 +48,7 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
     : trials_(std::move(trials)), fabric_(std::move(fabric)), options_(options), threads_(threads) {
   check(options);
   for (const std::string& name : free) {
-    const int index = parameter_index(fabric_.model, name);
+    const int index = fabric_.value_index(name);
     if (std::find(indices_.begin(), indices_.end(), index) != indices_.end())
       throw Error(fmt::format("parameter \"{}\" is named twice", name));
     indices_.push_back(index);
