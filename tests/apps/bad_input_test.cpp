@@ -178,8 +178,10 @@ TEST_F(BadInput, Fabrics) {
     EXPECT_TRUE(message.starts_with(path("f.toml"))) << message;
     return message.substr(std::min(message.size(), path("f.toml").size()));
   };
+  EXPECT_THAT(with("\"baraff-witkin\"", "\"rubber\""),
+              AllOf(StartsWith(":4: model: "), HasSubstr("\"rubber\"")));
   EXPECT_THAT(with("\"baraff-witkin\"", "\"springs\""),
-              AllOf(StartsWith(":4: model: "), HasSubstr("\"springs\"")));
+              HasSubstr("parameters.weft_stretch: missing"));
   EXPECT_THAT(
       with("value = 500", "value = 5000.5"),
       AllOf(StartsWith(":7: parameters.stretch_stiffness.value: 5000.5"), HasSubstr("[5, 5000]")));
