@@ -39,6 +39,7 @@ struct Arguments {
   std::vector<std::string> captures;
   std::string out;
   std::string initial;
+  std::string model;  ///< empty: the default of the captures' kind
   std::vector<std::string> parameters;
   std::vector<std::string> coarse = FitOptions().coarse_parameters;
   std::string method = "auto";
@@ -134,8 +135,10 @@ void add_variability(const Problem& problem, const FitResult& fit,
 
 /// The fabric that holds the values which are not searched.
 Fabric initial_fabric(const Arguments& arguments, const Capture& first) {
-  Fabric fabric = arguments.initial.empty() ? Fabric::with_defaults(first.name)
-                                            : find_fabric(arguments.initial);
+  Fabric fabric = !arguments.initial.empty() ? find_fabric(arguments.initial)
+                  : arguments.model.empty()  ? Fabric::with_defaults(first.name)
+                                             : Fabric::with_defaults(first.name, arguments.model);
+  require_motion_model(fabric);
   fabric.name = arguments.name.empty() ? first.name : arguments.name;
   fabric.areal_density = first.areal_density;
   fabric.provenance =
@@ -350,20 +353,19 @@ void run(const Arguments& arguments) {
 }
 
 const std::vector<std::string> kVideoFitOptions{
-    "--method",     "--coarse",  "--coarse-levels", "--coarse-frames",
-    "--iterations", "--simplex", "--no-variability"};
-const std::vector<std::string> kMechanicalFitOptions{"--model", "--residuals", "--force-noise",
+    "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",
+    "--iterations", "--simplex", "--no-variability", "--variability-curves"};
+const std::vector<std::string> kMechanicalFitOptions{"--residuals", "--force-noise",
                                                      "--point-noise"};
 
 void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
   refuse_options(command, video_option_names(), "mechanical captures");
-  if (command.count("--model") > 0 && command.count("--initial") > 0)
-    throw Error("--model: the fabric of --initial says which");
   MechanicalFitArguments fit = arguments.mechanical_fit;
   fit.captures = arguments.captures;
   fit.out = arguments.out;
   fit.initial = arguments.initial;
+  if (!arguments.model.empty()) fit.model = arguments.model;
   if (command.count("--start") > 0) fit.start = arguments.start;
   fit.name = arguments.name;
   fit.parameters = arguments.parameters;
@@ -387,6 +389,9 @@ void add_fit(CLI::App& app) {
                    "that was killed continues")
       ->required();
   command->add_option("--name", arguments->name, "of the fabric (default: the capture's)");
+  command->add_option("--model", arguments->model,
+                      "to fit where --initial names no fabric (default: baraff-witkin; of "
+                      "mechanical captures stvk); `weft fabrics` lists them");
   command->add_option("--initial", arguments->initial,
                       "preset or fabric.toml: values that are not searched, and the start with "
                       "--start initial");
@@ -436,10 +441,6 @@ void add_fit(CLI::App& app) {
   arguments->mechanical.add_to(*command);
   MechanicalFitArguments& mechanical = arguments->mechanical_fit;
   command
-      ->add_option("--model", mechanical.model,
-                   "mechanical captures: model to fit where --initial names no fabric")
-      ->capture_default_str();
-  command
       ->add_option(
           "--residuals", mechanical.residuals,
           "mechanical captures: what is compared; auto: forces between clips, points where "
@@ -465,6 +466,8 @@ void add_fit(CLI::App& app) {
     }
     if (arguments->no_variability && arguments->variability_curves)
       throw Error("--no-variability and --variability-curves exclude each other");
+    if (command->count("--model") > 0 && command->count("--initial") > 0)
+      throw Error("--model: the fabric of --initial says which");
     if (common_kind(arguments->captures) == CaptureKind::mechanical) {
       run_mechanical(*arguments, *command);
       return;
