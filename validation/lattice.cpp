@@ -32,7 +32,8 @@
 ///   limits, (1, 4, 1)/6 along both directions, along the rim only on it, corners as they are.
 ///
 /// Starts at the control points of the first true frame and settles for 0.7 s, the first 70 % with
-/// 2.5 /s more drag; then the cloth is at rest and the fixtures follow the capture.
+/// 2.5 /s more drag; then the cloth is at rest and the fixtures follow
+/// the capture, in straight lines between its path's points at every quarter of a frame.
 #include <fmt/core.h>
 
 #include <Eigen/Geometry>
@@ -54,6 +55,7 @@ namespace {
 using namespace weft;
 
 constexpr int kStepsPerFrame = 64;
+constexpr int kLinesPerFrame = 4;          // of the fixtures' paths
 constexpr double kSettling = 0.7;          // s
 constexpr double kSettlingDrag = 2.5;      // 1/s
 constexpr double kSettlingDragPart = 0.7;  // of the settling
@@ -407,14 +409,21 @@ void settle(Lattice& lattice, double dt) {
   lattice.v.setZero();
 }
 
-/// From one frame to the next; the fixtures are where they were measured at the end of each step.
+/// From one frame to the next. The fixtures move in straight lines between the measured path's
+/// points at every quarter of a frame, as in the source.
 void advance_frame(Lattice& lattice, const Scene& scene, double begin, double dt) {
-  for (int s = 0; s < kStepsPerFrame; ++s) {
-    const double from = begin + s * dt, to = begin + (s + 1) * dt;
-    for (const PointFixture& f : scene.fixtures)
-      lattice.v.col(f.vertex) = (f.motion.position(to) - f.motion.position(from)) / dt;
-    lattice.step(dt, 0);
-    for (const PointFixture& f : scene.fixtures) lattice.x.col(f.vertex) = f.motion.position(to);
+  constexpr int kSteps = kStepsPerFrame / kLinesPerFrame;
+  for (int line = 0; line < kLinesPerFrame; ++line) {
+    const double from = begin + line * kSteps * dt, to = from + kSteps * dt;
+    for (int s = 1; s <= kSteps; ++s) {
+      for (const PointFixture& f : scene.fixtures)
+        lattice.v.col(f.vertex) = (f.motion.position(to) - f.motion.position(from)) / (kSteps * dt);
+      lattice.step(dt, 0);
+      for (const PointFixture& f : scene.fixtures) {
+        const Vec3 start = f.motion.position(from);
+        lattice.x.col(f.vertex) = start + (f.motion.position(to) - start) * s / kSteps;
+      }
+    }
   }
 }
 
