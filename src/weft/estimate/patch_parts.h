@@ -11,9 +11,9 @@ struct PatchPart {
   int patch = 0;  ///< of the trial's grid
 };
 
-/// The parts of linearize(), each frame split among 4 x 4 patches of the smallest box that holds the
-/// measured silhouettes of its trial; in order of trials, frames, patches. Empty if a simulation
-/// diverged. What estimate_uncertainty() wants.
+/// The parts of linearize(), each frame split among 4 x 4 patches of the smallest box that holds
+/// the measured silhouettes of its trial; in order of trials, frames, patches. Empty if a
+/// simulation diverged. What estimate_uncertainty() wants.
 std::vector<PatchPart> linearize_patches(const Problem& problem, const VecX& scaled,
                                          const LinearizationOptions& options = {});
 

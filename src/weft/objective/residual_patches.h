@@ -5,8 +5,8 @@
 
 namespace weft {
 
-/// A picture cut into columns x rows equal parts between (left, top) and (right, bottom), px; pixels
-/// outside belong to the nearest part.
+/// A picture cut into columns x rows equal parts between (left, top) and (right, bottom), px;
+/// pixels outside belong to the nearest part.
 struct PatchGrid {
   double left = 0, top = 0, right = 1, bottom = 1;
   int columns = 4, rows = 4;
