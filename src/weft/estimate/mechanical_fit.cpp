@@ -43,7 +43,7 @@ MechanicalResiduals mechanical_residuals_from_name(std::string_view name) {
 }
 
 MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const MechanicalTrial>> trials,
-                                     Fabric fabric, std::vector<std::string> free,
+                                     Fabric fabric, const std::vector<std::string>& free,
                                      const MechanicalCostOptions& options, int threads)
     : trials_(std::move(trials)), fabric_(std::move(fabric)), options_(options), threads_(threads) {
   check(options);

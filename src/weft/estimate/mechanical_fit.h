@@ -41,7 +41,7 @@ class MechanicalProblem {
   /// `free`: parameters of the fabric's model to search, distinct. Throws Error for none, for names
   /// that the model does not have, for options out of range, and where nothing is compared.
   MechanicalProblem(std::vector<std::shared_ptr<const MechanicalTrial>> trials, Fabric fabric,
-                    std::vector<std::string> free, const MechanicalCostOptions& options = {},
+                    const std::vector<std::string>& free, const MechanicalCostOptions& options = {},
                     int threads = 0);
 
   int dimension() const { return static_cast<int>(indices_.size()); }

@@ -168,7 +168,7 @@ Points start_of(const MechanicalTrial& trial, int frame, const MechanicalFrame* 
     return interpolate(geometry.mesh, MaterialLocator(geometry.mesh), geometry.frames[at(frame)],
                        material);
   }
-  const Points between = blend_of_clips(material, trial.capture.clips(frame));
+  Points between = blend_of_clips(material, trial.capture.clips(frame));
   if (!before) return between;
   const MechanicalStage& old = trial.stages[at(trial.stage_of_frame[at(before->frame)])];
   const Points moved = between - blend_of_clips(material, trial.capture.clips(before->frame));
