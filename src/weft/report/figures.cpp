@@ -337,6 +337,7 @@ HeatMap correlation_map(const ReportCertainty& certainty) {
   map.upper = 1;
   map.gap = "a parameter that is not determined, or held at its bound";
   map.print_values = true;
+  map.digits = 2;
   map.height = 150 + 34 * static_cast<int>(map.y.size());
   return map;
 }

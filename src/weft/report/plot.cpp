@@ -704,12 +704,13 @@ Eigen::Index smallest_finite(const HeatMap& map, Eigen::Index row) {
 }
 
 /// The value of one cell; text colour by what the ground calls for.
-void draw_cell_value(Svg& svg, double value, double x, double y, double t, bool hatched) {
+void draw_cell_value(Svg& svg, const std::string& value, double x, double y, double t,
+                     bool hatched) {
   const bool dark_ground = !hatched && luminance(colour_at(ColourMap::viridis, t)) < 0.3;
   svg.text(x, y + 0.36 * kTickSize,
            fmt::format("class=\"cell-value\" text-anchor=\"middle\" fill=\"{}\"",
                        dark_ground ? "#ffffff" : "#16191d"),
-           format_value(value));
+           value);
 }
 
 }  // namespace
@@ -796,8 +797,9 @@ std::string to_svg(const HeatMap& map, std::string_view id, double margin) {
       const double value = map.values(i, j);
       if (std::isnan(value)) continue;
       const bool hatched = !drawable(colour_axis, value);
-      draw_cell_value(svg, value, (x.pixel(x_edges[column]) + x.pixel(x_edges[column + 1])) / 2,
-                      (a + b) / 2, hatched ? 1 : colour.fraction(value), hatched);
+      draw_cell_value(svg, format_value(value, map.digits),
+                      (x.pixel(x_edges[column]) + x.pixel(x_edges[column + 1])) / 2, (a + b) / 2,
+                      hatched ? 1 : colour.fraction(value), hatched);
     }
   }
   draw_x_axis(svg, frame, x, map.x_axis, false, slant);

@@ -100,6 +100,7 @@ struct HeatMap {
   std::optional<double> lower, upper;  ///< of the colours; by default the values'
   std::string gap = "diverged";        ///< what a hatched cell means, for the legend
   bool print_values = false;
+  int digits = 3;  ///< significant ones, of printed values
   bool outline_row_minimum = false;
   std::vector<Marker> markers;
   int width = 700;   ///< px
