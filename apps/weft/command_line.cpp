@@ -1,5 +1,8 @@
 #include "command_line.h"
 
+#include <fmt/chrono.h>
+
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -34,6 +37,10 @@ std::string command_line() {
     begin = end + 1;
   }
   return line;
+}
+
+std::string now() {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(std::time(nullptr)));
 }
 
 }  // namespace weft::app

@@ -7,4 +7,10 @@ namespace weft::app {
 /// they were made.
 std::string command_line();
 
+/// Local date and time with its offset, as results state when they were made.
+std::string now();
+
+/// Exit status of a fit that was stopped: as the shell reports a program ended by Ctrl-C.
+inline constexpr int stopped_early = 130;
+
 }  // namespace weft::app

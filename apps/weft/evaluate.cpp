@@ -22,26 +22,14 @@ struct Arguments {
   MechanicalArguments mechanical;
 };
 
-/// JSON has no infinity; a simulation that diverged has no error.
-nlohmann::json number(double value) {
-  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
-}
-
-void add_distance(nlohmann::json& object, const std::optional<SurfaceDistance>& distance) {
-  if (!distance) return;
-  object["distance_mean"] = number(distance->mean);
-  object["distance_rms"] = number(distance->rms);
-  object["distance_max"] = number(distance->max);
-}
-
 nlohmann::json to_json(const CaptureEvaluation::Part& part) {
   nlohmann::json object = {{"first", part.first},
                            {"last", part.last},
-                           {"error", number(part.error)},
-                           {"fold", number(part.fold)},
-                           {"silhouette", number(part.silhouette)},
-                           {"error_per_mask_pixel", number(part.error_per_mask_pixel)}};
-  add_distance(object, part.distance);
+                           {"error", json_number(part.error)},
+                           {"fold", json_number(part.fold)},
+                           {"silhouette", json_number(part.silhouette)},
+                           {"error_per_mask_pixel", json_number(part.error_per_mask_pixel)}};
+  if (part.distance) add_distance(object, *part.distance);
   return object;
 }
 
@@ -49,10 +37,10 @@ nlohmann::json to_json(const CaptureEvaluation& evaluation) {
   nlohmann::json frames = nlohmann::json::array();
   for (const CaptureEvaluation::Frame& frame : evaluation.frames) {
     nlohmann::json object = {{"frame", frame.frame},
-                             {"error", number(frame.total)},
-                             {"fold", number(frame.error.fold)},
-                             {"silhouette", number(frame.error.silhouette)}};
-    add_distance(object, frame.distance);
+                             {"error", json_number(frame.total)},
+                             {"fold", json_number(frame.error.fold)},
+                             {"silhouette", json_number(frame.error.silhouette)}};
+    if (frame.distance) add_distance(object, *frame.distance);
     frames.push_back(object);
   }
   return {{"fit", to_json(evaluation.fit)},

@@ -1,13 +1,11 @@
 #include "weft/estimate/fit.h"
 
-#include <fmt/chrono.h>
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <ctime>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -32,7 +30,6 @@ namespace weft::app {
 namespace {
 
 constexpr double kLargestVariability = 100;  // %: beyond, the data do not determine the parameter
-constexpr int kStoppedEarly = 130;           // as the shell reports a program ended by Ctrl-C
 const std::string kStoreName = "evaluations.sqlite";
 
 struct Arguments {
@@ -173,10 +170,6 @@ class PhaseProgress {
   std::size_t replayed_ = 0;  // until the step before
   std::chrono::steady_clock::time_point phase_begin_ = std::chrono::steady_clock::now();
 };
-
-std::string now() {
-  return fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(std::time(nullptr)));
-}
 
 std::vector<std::pair<std::string, ReportValue>> settings(const Arguments& arguments,
                                                           const TrialOptions& trial) {
@@ -349,7 +342,7 @@ void run(const Arguments& arguments) {
   write_report_html(out / "report.html", report, pictures);
   print_result(fit, report, evaluations);
   fmt::print("{}\n", (out / "report.html").string());
-  if (fit.stopped) throw CLI::RuntimeError(kStoppedEarly);
+  if (fit.stopped) throw CLI::RuntimeError(stopped_early);
 }
 
 const std::vector<std::string> kVideoFitOptions{

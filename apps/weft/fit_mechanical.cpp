@@ -1,11 +1,9 @@
-#include <fmt/chrono.h>
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
-#include <ctime>
-
 #include "command_line.h"
 #include "mechanical.h"
+#include "report_of_fit.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
@@ -16,8 +14,6 @@
 
 namespace weft::app {
 namespace {
-
-constexpr int kStoppedEarly = 130;  // as the shell reports a program ended by Ctrl-C
 
 Fabric start_fabric(const MechanicalFitArguments& arguments,
                     const std::vector<MechanicalCapture>& captures) {
@@ -58,18 +54,12 @@ Fabric placed(const MechanicalProblem& problem, const Fabric& start,
   return problem.fabric(scaled);
 }
 
-ReportParameter report_parameter(const ParameterInfo& info, const MechanicalFitResult& fit) {
-  ReportParameter p;
-  p.name = info.name;
-  p.unit = info.unit;
-  p.meaning = info.meaning;
-  p.value = fit.fabric.value(info.name);
+/// Not free and at no bound until the intervals say so.
+ReportParameter held_parameter(const ParameterInfo& info, const MechanicalFitResult& fit) {
+  ReportParameter p = report_parameter(info, fit.fabric, nullptr);
   p.initial = fit.start.value(info.name);
-  p.lower = info.lower;
-  p.upper = info.upper;
-  p.scale = info.scale == Scale::logarithmic ? ReportParameter::Scale::logarithmic
-                                             : ReportParameter::Scale::shifted_logarithmic;
   p.free = false;
+  p.at_bound = ReportParameter::Bound::none;
   return p;
 }
 
@@ -81,7 +71,7 @@ Report make_report(const MechanicalFitArguments& arguments, const MechanicalProb
   report.model = fit.fabric.model;
   report.program_version = WEFT_VERSION;
   report.command = command_line();
-  report.created = fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(std::time(nullptr)));
+  report.created = now();
   report.method = "least squares on forces and shapes at equilibrium";
   report.seed = arguments.seed;
   report.stopped = fit.end == LeastSquaresEnd::stopped;
@@ -98,7 +88,7 @@ Report make_report(const MechanicalFitArguments& arguments, const MechanicalProb
                      {"cells", static_cast<std::int64_t>(arguments.options.cells)},
                      {"start", arguments.start}};
   for (int i = 0; i < fit.fabric.values.size(); ++i)
-    report.parameters.push_back(report_parameter(fit.fabric.info(i), fit));
+    report.parameters.push_back(held_parameter(fit.fabric.info(i), fit));
   for (ReportParameter& p : report.parameters) {
     for (int i = 0; i < problem.dimension(); ++i)
       if (problem.info(i).name == p.name) p.free = true;
@@ -200,7 +190,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
       make_report(arguments, problem, fit, fmt::format("{}", fmt::join(names, ", ")));
   write_text(out / "result.json", result_text(report, captures, evaluations));
   print_result(report, captures, evaluations);
-  if (report.stopped) throw CLI::RuntimeError(kStoppedEarly);
+  if (report.stopped) throw CLI::RuntimeError(stopped_early);
 }
 
 }  // namespace weft::app

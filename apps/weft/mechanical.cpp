@@ -10,18 +10,10 @@
 namespace weft::app {
 namespace {
 
-nlohmann::json number(double value) {
-  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
-}
-
 void add_differences(nlohmann::json& object, int force_count, double force_rms, int point_count,
                      const SurfaceDistance& distance) {
-  if (force_count > 0) object["force_rms"] = number(force_rms);
-  if (point_count > 0) {
-    object["distance_mean"] = number(distance.mean);
-    object["distance_rms"] = number(distance.rms);
-    object["distance_max"] = number(distance.max);
-  }
+  if (force_count > 0) object["force_rms"] = json_number(force_rms);
+  if (point_count > 0) add_distance(object, distance);
 }
 
 void print_fixture(const MechanicalFixture& fixture) {
@@ -43,6 +35,16 @@ void print_fixture(const MechanicalFixture& fixture) {
 }
 
 }  // namespace
+
+nlohmann::json json_number(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
+}
+
+void add_distance(nlohmann::json& object, const SurfaceDistance& distance) {
+  object["distance_mean"] = json_number(distance.mean);
+  object["distance_rms"] = json_number(distance.rms);
+  object["distance_max"] = json_number(distance.max);
+}
 
 void MechanicalArguments::add_to(CLI::App& command) {
   command
@@ -113,7 +115,7 @@ nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation) {
   for (const MechanicalDifference& frame : evaluation.frames) {
     nlohmann::json object = {{"frame", frame.frame},
                              {"converged", frame.converged},
-                             {"net_force", number(frame.residual)}};
+                             {"net_force", json_number(frame.residual)}};
     add_differences(object, frame.force_count, frame.force_rms, frame.point_count, frame.distance);
     frames.push_back(object);
   }
@@ -122,8 +124,8 @@ nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation) {
   add_differences(object, evaluation.force_count, evaluation.force_rms, evaluation.point_count,
                   evaluation.distance);
   if (evaluation.force_count > 0) {
-    object["force_relative"] = number(evaluation.force_relative);
-    object["force_largest"] = number(evaluation.largest_force);
+    object["force_relative"] = json_number(evaluation.force_relative);
+    object["force_largest"] = json_number(evaluation.largest_force);
   }
   return object;
 }

@@ -34,6 +34,11 @@ CaptureKind common_kind(const std::vector<std::string>& folders);
 
 void check_mechanical(const std::string& folder);
 
+/// JSON has no infinity: null for what is not finite.
+nlohmann::json json_number(double value);
+/// distance_mean, distance_rms, distance_max.
+void add_distance(nlohmann::json& object, const SurfaceDistance& distance);
+
 nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation);
 /// One line: force and distances over all frames.
 std::string summary(const MechanicalEvaluation& evaluation);

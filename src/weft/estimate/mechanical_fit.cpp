@@ -281,11 +281,10 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
     result.history.push_back(step);
     if (observer && !observer(step)) stopped = true;
   };
-  MechanicalProblem::Linearization last;
   const LinearizeFunction linearize = [&](const VecX& x) {
-    last = problem.linearize(x);
-    count(last.model.cost);
-    return last.model;
+    QuadraticModel model = problem.linearize(x).model;
+    count(model.cost);
+    return model;
   };
   const CostFunction cost = [&](const VecX& x) {
     const double value = problem.cost(x);
