@@ -8,12 +8,14 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
 #include "command_line.h"
 #include "commands.h"
 #include "mechanical.h"
+#include "mechanical_beside.h"
 #include "options.h"
 #include "report_of_fit.h"
 #include "weft/base/error.h"
@@ -34,6 +36,7 @@ const std::string kStoreName = "evaluations.sqlite";
 
 struct Arguments {
   std::vector<std::string> captures;
+  std::vector<std::string> videos, tests;  ///< of them, by kind
   std::string out;
   std::string initial;
   std::string model;  ///< empty: the default of the captures' kind
@@ -77,6 +80,10 @@ AutoFitOptions auto_options(const Arguments& arguments) {
   AutoFitOptions options;
   options.annealing = fit_options(arguments, options.annealing);
   options.least_squares.start = options.annealing.start;
+  if (!arguments.tests.empty()) {
+    options.least_squares.start = FitOptions::Start::initial;
+    options.least_squares.screening_points = 0;
+  }
   options.least_squares.seed = arguments.seed;
   options.least_squares.threads = arguments.trial.threads();
   return options;
@@ -280,6 +287,14 @@ EvaluationStore open_store(const std::filesystem::path& out, const Problem& prob
   return store;
 }
 
+MechanicalFitArguments tests_of(const Arguments& arguments) {
+  MechanicalFitArguments tests = arguments.mechanical_fit;
+  tests.captures = arguments.tests;
+  tests.threads = arguments.trial.threads();
+  tests.options = arguments.mechanical.options();
+  return tests;
+}
+
 std::vector<std::string> free_parameters(const Arguments& arguments, const std::string& model) {
   if (!arguments.parameters.empty()) return arguments.parameters;
   std::vector<std::string> names;
@@ -287,10 +302,17 @@ std::vector<std::string> free_parameters(const Arguments& arguments, const std::
   return names;
 }
 
+/// result.json with the mechanical tests under "mechanical".
+std::string result_text(const Report& report, const MechanicalBeside::Shown& tests) {
+  nlohmann::ordered_json result = nlohmann::ordered_json::parse(result_to_json(report));
+  result["mechanical"] = tests.json;
+  return result.dump(1) + "\n";
+}
+
 void run(const Arguments& arguments) {
   const InterruptGuard guard;
   const std::filesystem::path out = arguments.out;
-  const std::vector<Capture> captures = read_captures(arguments.captures);
+  const std::vector<Capture> captures = read_captures(arguments.videos);
   const Fabric initial = initial_fabric(arguments, captures.front());
   std::vector<ParameterPrior> priors;
   if (!arguments.initial.empty()) priors = find_priors(arguments.initial);
@@ -303,7 +325,11 @@ void run(const Arguments& arguments) {
   check_parameters("--coarse", initial.model, arguments.coarse);
   prepare_folder(arguments, out);
   const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
-  const Problem problem(trials, initial, free_parameters(arguments, initial.model), {}, priors);
+  const std::vector<std::string> free = free_parameters(arguments, initial.model);
+  std::optional<MechanicalBeside> tests;
+  if (!arguments.tests.empty()) tests.emplace(tests_of(arguments), initial, free);
+  const Problem problem(trials, tests ? tests->fabric() : initial, free, {}, priors,
+                        tests ? tests->data() : OtherData{});
   EvaluationStore store = open_store(out, problem);
   PhaseProgress progress;
   const FitObserver observer = [&](const FitProgress& p) { return progress(p); };
@@ -326,11 +352,18 @@ void run(const Arguments& arguments) {
   Report report = report_of_fit(problem, fit, evaluations);
   const std::vector<PatchPart> parts = linearize_at(problem, fit, arguments.trial);
   const std::vector<CostPart> frames = frames_of(parts);
-  if (frames.size() >= 2) add_uncertainty(estimate_uncertainty(problem, fit.scaled, parts), report);
+  Uncertainty uncertainty;
+  if (frames.size() >= 2) {
+    uncertainty = estimate_uncertainty(problem, fit.scaled, parts);
+    add_uncertainty(uncertainty, report);
+  }
   if (!frames.empty() && !arguments.no_variability && fit.variability.empty())
     add_variability(problem, fit, frames, report);
   std::vector<std::string> names;
   for (const Capture& capture : captures) names.push_back(capture.name);
+  MechanicalBeside::Shown shown;
+  if (tests) shown = tests->show(fit.fabric, uncertainty.parameters, uncertainty.correlation);
+  for (const ReportMechanical& test : shown.report.captures) names.push_back(test.name);
   report.title = fmt::format("Fit of {}", fmt::join(names, ", "));
   report.command = command_line();
   report.created = now();
@@ -338,9 +371,13 @@ void run(const Arguments& arguments) {
                             : "least squares through the motion, then simulated annealing";
   report.threads = arguments.trial.threads() ? arguments.trial.threads() : hardware_threads();
   report.settings = settings(arguments, arguments.trial.options());
-  write_result(out / "result.json", report);
-  write_report_html(out / "report.html", report, pictures);
+  if (tests)
+    report.settings.emplace_back(kMechanicalSetting,
+                                 fmt::format("{}", fmt::join(arguments.tests, ", ")));
+  write_text(out / "result.json", tests ? result_text(report, shown) : result_to_json(report));
+  write_report_html(out / "report.html", report, pictures, shown.report);
   print_result(fit, report, evaluations);
+  for (const std::string& line : shown.lines) fmt::print("{}", line);
   fmt::print("{}\n", (out / "report.html").string());
   if (fit.stopped) throw CLI::RuntimeError(stopped_early);
 }
@@ -354,8 +391,7 @@ const std::vector<std::string> kMechanicalFitOptions{"--residuals", "--force-noi
 void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
   refuse_options(command, video_option_names(), "mechanical captures");
-  MechanicalFitArguments fit = arguments.mechanical_fit;
-  fit.captures = arguments.captures;
+  MechanicalFitArguments fit = tests_of(arguments);
   fit.out = arguments.out;
   fit.initial = arguments.initial;
   if (!arguments.model.empty()) fit.model = arguments.model;
@@ -364,9 +400,29 @@ void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   fit.parameters = arguments.parameters;
   fit.seed = arguments.seed;
   fit.overwrite = arguments.overwrite;
-  fit.threads = arguments.trial.threads();
-  fit.options = arguments.mechanical.options();
   run_mechanical_fit(fit);
+}
+
+void run_by_kind(Arguments& arguments, const CLI::App& command) {
+  for (const std::string& folder : arguments.captures)
+    (capture_kind(folder) == CaptureKind::video ? arguments.videos : arguments.tests)
+        .push_back(folder);
+  if (arguments.videos.empty()) {
+    run_mechanical(arguments, command);
+    return;
+  }
+  if (arguments.tests.empty()) {
+    refuse_options(command, MechanicalArguments::names(), "videos");
+    refuse_options(command, kMechanicalFitOptions, "videos");
+  } else {
+    // The tests say where to start.
+    refuse_options(command, {"--start", "--coarse", "--coarse-levels", "--coarse-frames"},
+                   "videos with mechanical captures");
+    if (arguments.method != "auto")
+      throw Error("--method: annealing takes no mechanical captures; use auto");
+  }
+  if (arguments.coarse == std::vector<std::string>{"none"}) arguments.coarse.clear();
+  run(arguments);
 }
 
 }  // namespace
@@ -375,7 +431,10 @@ void add_fit(CLI::App& app) {
   auto* command =
       app.add_subcommand("fit", "the fabric that explains one or more captures, with a report");
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("captures", arguments->captures, "capture folders of one fabric")->required();
+  command
+      ->add_option("captures", arguments->captures,
+                   "capture folders of one fabric: videos, mechanical tests, or both")
+      ->required();
   command
       ->add_option("--out", arguments->out,
                    "folder for fabric.toml, result.json, evaluations.sqlite, report.html; a run "
@@ -461,14 +520,7 @@ void add_fit(CLI::App& app) {
       throw Error("--no-variability and --variability-curves exclude each other");
     if (command->count("--model") > 0 && command->count("--initial") > 0)
       throw Error("--model: the fabric of --initial says which");
-    if (common_kind(arguments->captures) == CaptureKind::mechanical) {
-      run_mechanical(*arguments, *command);
-      return;
-    }
-    refuse_options(*command, MechanicalArguments::names(), "videos");
-    refuse_options(*command, kMechanicalFitOptions, "videos");
-    if (arguments->coarse == std::vector<std::string>{"none"}) arguments->coarse.clear();
-    run(*arguments);
+    run_by_kind(*arguments, *command);
   });
 }
 

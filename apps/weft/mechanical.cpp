@@ -80,18 +80,6 @@ const std::vector<std::string>& video_option_names() {
   return names;
 }
 
-CaptureKind common_kind(const std::vector<std::string>& folders) {
-  const CaptureKind kind = capture_kind(folders.front());
-  for (const std::string& folder : folders) {
-    if (capture_kind(folder) != kind)
-      throw Error(
-          fmt::format("{} and {}: one is a video, the other a mechanical capture; they "
-                      "cannot be fitted together",
-                      folders.front(), folder));
-  }
-  return kind;
-}
-
 void check_mechanical(const std::string& folder) {
   const MechanicalCapture capture = read_mechanical_capture(folder);
   fmt::print("capture     {} (mechanical)\n", capture.name);

@@ -29,9 +29,6 @@ void refuse_options(const CLI::App& command, const std::vector<std::string>& nam
 /// Options of TrialArguments that only mean something for videos.
 const std::vector<std::string>& video_option_names();
 
-/// The kind that all captures share. Throws Error if they differ.
-CaptureKind common_kind(const std::vector<std::string>& folders);
-
 void check_mechanical(const std::string& folder);
 
 /// JSON has no infinity: null for what is not finite.

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "commands.h"
+#include "mechanical_beside.h"
 #include "options.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
@@ -60,6 +61,12 @@ Estimate read_estimate(const std::filesystem::path& folder) {
   if (!(certainty.dispersion > 0) || !std::isfinite(certainty.dispersion))
     throw Error(
         fmt::format("{}: certainty.dispersion: the noise level is not known", file.string()));
+  for (const auto& [name, value] : e.report.settings)
+    if (name == kMechanicalSetting)
+      throw Error(fmt::format(
+          "{}: fitted with mechanical captures, whose likelihood is not kept with the evaluations; "
+          "the intervals of result.json have it",
+          file.string()));
   e.names = certainty.parameters;
   e.scaled.resize(static_cast<Eigen::Index>(e.names.size()));
   for (std::size_t i = 0; i < e.names.size(); ++i) {

@@ -117,7 +117,7 @@ Report report_of_fit(const Problem& problem, const FitResult& fit,
   report.remarks = fit.remarks;
   report.error_initial = fit.initial.error;
   report.error = fit.final.error;
-  if (!problem.priors().empty()) report.prior_error = fit.prior_error;
+  if (problem.has_prior()) report.prior_error = fit.prior_error;
   report.error_meaning = "per frame and masked pixel, mean over captures";
   report.evaluations = fit.evaluations;
   report.diverged = fit.diverged;

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/program.h"
+#include "weft/estimate/synthetic.h"
 #include "weft/report/result.h"
 
 namespace weft {
@@ -66,6 +67,48 @@ TEST_F(Mechanical, EvaluatesWithTheFabricThatItFound) {
       {"evaluate", path("strip"), "--fabric", path("out/fabric.toml"), "--cells", "3", "--json"});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_LT(json::parse(outcome.out)["force_relative"].get<double>(), 1e-3);
+}
+
+// Three small frames of a hanging swatch say little about its stretch; the strip, cut from the same
+// fabric, says it to a part in a hundred, and the two together keep that.
+TEST_F(Mechanical, FitsTogetherWithAVideo) {
+  Fabric truth = Fabric::with_defaults("truth");
+  LayoutOptions layout;
+  layout.image_width = 160;
+  layout.image_height = 120;
+  layout.stripe_period = 0.03;
+  layout.frame_count = layout.fit_frames = 3;
+  SyntheticOptions options;
+  options.columns = options.rows = 13;
+  options.simulation.steps_per_frame = 4;
+  options.with_noise = false;
+  make_synthetic_capture(folder_ / "video", make_layout(layout), truth, options);
+  const double stiffness = truth.value("stretch_stiffness");
+  std::string curve = "extension,load\n";
+  for (int k = 0; k <= 4; ++k)
+    curve +=
+        fmt::format("{:.4f},{:.6f}\n", 1e3 * kLength * 0.01 * k, kWidth * stiffness * 0.01 * k);
+  write("strip/curve.csv", curve);
+  Fabric start = truth;
+  start.set("stretch_stiffness", 3 * stiffness);
+  write_fabric(folder_ / "start.toml", start);
+  const Outcome outcome = weft(
+      {"fit", path("video"), path("strip"), "--out", path("both"), "--initial", path("start.toml"),
+       "--parameters", "stretch_stiffness", "bend_stiffness", "--grid", "9", "--steps-per-frame",
+       "2", "--iterations", "2", "--cells", "3", "--no-variability"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "both/result.json"));
+  const json& found = result["parameters"]["stretch_stiffness"];
+  EXPECT_NEAR(found["value"].get<double>(), stiffness, 0.02 * stiffness);
+  EXPECT_TRUE(found["determined"].get<bool>());
+  EXPECT_EQ(result["mechanical"][0]["name"], "strip");
+  EXPECT_EQ(result["captures"].size(), 1u);
+  const std::string page = text_of(folder_ / "both/report.html");
+  EXPECT_THAT(page, HasSubstr("id=\"match\""));
+  EXPECT_THAT(page, HasSubstr("id=\"tests-match\""));
+  EXPECT_THAT(
+      refusal({"fit", path("video"), path("strip"), "--out", path("no"), "--method", "annealing"}),
+      HasSubstr("--method"));
 }
 
 TEST_F(Mechanical, RefusesWhatCannotBeMeant) {

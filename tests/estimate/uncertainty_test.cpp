@@ -359,6 +359,36 @@ TEST(Uncertainty, APriorBoundsWhatTheDataDoNot) {
   EXPECT_EQ(with.information(1, 1), 0);  // of the data alone
 }
 
+// The same knowledge as other data: the intervals are the same, and the information has it.
+TEST(Uncertainty, OtherDataBoundWhatTheTrialsDoNot) {
+  const Problem plain =
+      analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
+  const Problem prior(plain.trials(), plain.initial(), plain.free(), plain.evaluator(),
+                      {{"drag_linear", 0.5, 2}});
+  const VecX mean = prior.prior_mean();
+  const MatX precision = prior.prior_precision().asDiagonal();
+  OtherData other;
+  other.cost = [=](const VecX& x) { return 0.5 * (x - mean).dot(precision * (x - mean)); };
+  other.linearize = [=](const VecX& x) {
+    return QuadraticModel{other.cost(x), precision * (x - mean), precision};
+  };
+  const Problem beside(plain.trials(), plain.initial(), plain.free(), plain.evaluator(), {}, other);
+  const auto parts = random_parts(20, {Vec2(1, 0)});
+  const VecX scaled = Vec2(0.4, 0.3);
+  EXPECT_NEAR(beside.prior_cost(scaled), prior.prior_cost(scaled), 1e-12);
+  const Uncertainty expected = estimate_uncertainty(prior, scaled, parts, single_frames());
+  const Uncertainty found = estimate_uncertainty(beside, scaled, parts, single_frames());
+  for (std::size_t i = 0; i < 2; ++i)
+    EXPECT_NEAR(found.parameters[i].half_width, expected.parameters[i].half_width, 1e-12);
+  EXPECT_EQ(expected.information(1, 1), 0);
+  EXPECT_NEAR(found.information(1, 1), precision(1, 1), 1e-9);
+  // Where they cannot be computed the cost is infinite, but for the weight 0.
+  other.cost = [](const VecX&) { return std::numeric_limits<double>::infinity(); };
+  const Problem broken(plain.trials(), plain.initial(), plain.free(), plain.evaluator(), {}, other);
+  EXPECT_TRUE(std::isinf(broken.prior_cost(scaled, 0.5)));
+  EXPECT_EQ(broken.prior_cost(scaled, 0), 0);
+}
+
 TEST(Uncertainty, FramesAreJoinedWithinTheirTrial) {
   std::vector<CostPart> parts;
   for (const std::size_t trial : {0u, 1u})

@@ -73,7 +73,7 @@ class Fit {
   }
 
   double prior_error(const VecX& scaled) const {
-    return options_.prior_weight * problem_.prior_cost(scaled);
+    return problem_.prior_cost(scaled, options_.prior_weight);
   }
 
   ErrorFunction error_function(int frame_count, std::string_view phase, int threads) {

@@ -100,7 +100,7 @@ class LeastSquaresFit {
     const double best =
         first ? evaluation.error : std::min(result_.history.back().best, evaluation.error);
     result_.history.push_back({phase, result_.history.size() + 1, evaluation.error, best, 0});
-    const double error = evaluation.error + prior_weight_ * problem_.prior_cost(scaled);
+    const double error = evaluation.error + problem_.prior_cost(scaled, prior_weight_);
     if (frame_count == 0 && (result_.scaled.size() == 0 || error < best_error_)) {
       result_.scaled = scaled;
       result_.final = evaluation;
@@ -242,9 +242,11 @@ class LeastSquaresFit {
     double prior_weight = 0;  ///< by the noise of the first linearization's residuals
   };
 
-  double prior_weight_of(const std::vector<CostPart>& parts) const {
-    if (problem_.priors().empty() || parts.size() < 2) return prior_weight_;
-    const double dispersion = cluster_dispersion(join_frames(parts, frames_per_cluster(parts)));
+  double prior_weight_at(const VecX& scaled, const LinearizationOptions& options) const {
+    if (!problem_.has_prior()) return 0;
+    const std::vector<PatchPart> parts = linearize_patches(problem_, scaled, options);
+    if (frames_of(parts).size() < 2) return prior_weight_;
+    const double dispersion = cluster_dispersion(parts);
     return std::isfinite(dispersion) ? dispersion : prior_weight_;
   }
 
@@ -252,14 +254,15 @@ class LeastSquaresFit {
   void weigh_priors(double weight) {
     prior_weight_ = weight;
     if (result_.scaled.size() > 0)
-      best_error_ = result_.final.error + prior_weight_ * problem_.prior_cost(result_.scaled);
+      best_error_ = result_.final.error + problem_.prior_cost(result_.scaled, prior_weight_);
   }
 
   void add_priors(const VecX& scaled, double weight, QuadraticModel& model) const {
-    const VecX& precision = problem_.prior_precision();
-    model.cost += weight * problem_.prior_cost(scaled);
-    model.gradient += weight * precision.cwiseProduct(scaled - problem_.prior_mean());
-    model.hessian.diagonal() += weight * precision;
+    if (weight == 0 || !std::isfinite(model.cost)) return;
+    const QuadraticModel prior = problem_.prior_model(scaled);
+    model.cost += weight * prior.cost;
+    model.gradient += weight * prior.gradient;
+    model.hessian += weight * prior.hessian;
   }
 
   Descent improve(const FitStage& stage, const Candidate& candidate, int threads) {
@@ -275,7 +278,7 @@ class LeastSquaresFit {
       if (pull < 0) {
         pull = std::isfinite(found.model.cost) ? stage.pull * found.model.cost : 0;
         descent.start = found.evaluation;
-        descent.prior_weight = prior_weight_of(found.parts);
+        descent.prior_weight = prior_weight_at(scaled, options);
       }
       add_priors(scaled, descent.prior_weight, found.model);
       found.model.cost += pull * (scaled - origin).squaredNorm();
@@ -289,7 +292,7 @@ class LeastSquaresFit {
         store_->add(problem_, problem_.fabric(scaled), stage.frames, phase, found.evaluation);
       descent.tried.push_back({scaled, found.evaluation});
       announce(phase, found.evaluation);
-      return found.cost + descent.prior_weight * problem_.prior_cost(scaled) +
+      return found.cost + problem_.prior_cost(scaled, descent.prior_weight) +
              pull * (scaled - origin).squaredNorm();
     };
     LeastSquaresOptions solver = options_.solver;
@@ -309,7 +312,7 @@ class LeastSquaresFit {
       for (const auto& trial : problem_.trials())
         result_.trials.push_back(evaluate(*trial, result_.fabric, 0, nullptr, options_.threads));
     result_.prior_weight = prior_weight_;
-    result_.prior_error = prior_weight_ * problem_.prior_cost(result_.scaled);
+    result_.prior_error = problem_.prior_cost(result_.scaled, prior_weight_);
     result_.stopped = stopped_;
     warn();
   }
@@ -365,7 +368,8 @@ FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
   FitOptions annealing = options.annealing;
   annealing.start = FitOptions::Start::initial;
   annealing.coarse_parameters.clear();
-  const Problem from_there(problem.trials(), descent.fabric, problem.free(), {}, problem.priors());
+  const Problem from_there(problem.trials(), descent.fabric, problem.free(), {}, problem.priors(),
+                           problem.other());
   annealing.prior_weight = descent.prior_weight;
   FitResult result = run_fit(from_there, annealing, store, observer);
   result.initial = descent.initial;

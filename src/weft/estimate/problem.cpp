@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
@@ -12,11 +13,12 @@ namespace weft {
 
 Problem::Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initial,
                  std::vector<std::string> free, Evaluator evaluator,
-                 std::vector<ParameterPrior> priors)
+                 std::vector<ParameterPrior> priors, OtherData other)
     : trials_(std::move(trials)),
       initial_(std::move(initial)),
       free_(std::move(free)),
       priors_(std::move(priors)),
+      other_(std::move(other)),
       evaluator_(std::move(evaluator)) {
   if (trials_.empty()) throw Error("no capture to fit");
   if (free_.empty()) throw Error("no parameter to search");
@@ -41,6 +43,26 @@ Problem::Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initia
   hash.add(initial_.model);
   for (const auto& trial : trials_) add_trial(hash, *trial);
   fingerprint_ = hash.hex();
+}
+
+double Problem::prior_cost(const VecX& scaled, double weight) const {
+  if (weight == 0 || !has_prior()) return 0;
+  double cost = 0.5 * (scaled - prior_mean_).cwiseAbs2().dot(prior_precision_);
+  if (other_.cost) cost += other_.cost(scaled);
+  return weight * cost;
+}
+
+QuadraticModel Problem::prior_model(const VecX& scaled) const {
+  const VecX gradient = prior_precision_.cwiseProduct(scaled - prior_mean_);
+  QuadraticModel model{0.5 * (scaled - prior_mean_).dot(gradient), gradient,
+                       prior_precision_.asDiagonal()};
+  if (!other_.linearize) return model;
+  const QuadraticModel other = other_.linearize(scaled);
+  model.cost += other.cost;
+  if (!std::isfinite(other.cost)) return model;
+  model.gradient += other.gradient;
+  model.hessian += other.hessian;
+  return model;
 }
 
 int Problem::index_of(std::string_view parameter) const {

@@ -8,6 +8,7 @@
 
 #include "weft/capture/capture.h"
 #include "weft/dynamics/simulate.h"
+#include "weft/estimate/least_squares.h"
 #include "weft/fabric/fabric.h"
 #include "weft/fabric/prior.h"
 #include "weft/objective/fold_metric.h"
@@ -101,16 +102,24 @@ struct ProblemEvaluation {
 /// Must be pure; called from several threads at once.
 using Evaluator = std::function<ProblemEvaluation(const Fabric& fabric, int frame_count)>;
 
+/// Data besides the trials, as minus the logarithm of their likelihood without its constant: a
+/// function of the free parameters in scaled coordinates. Pure; called from several threads.
+struct OtherData {
+  std::function<double(const VecX& scaled)> cost;  ///< infinity where it cannot be computed
+  std::function<QuadraticModel(const VecX& scaled)> linearize;
+};
+
 /// What an optimizer sees: free parameters of a fabric in scaled coordinates [0, 1], and the sum of
 /// the trials' errors.
 class Problem {
  public:
   /// `free` names the parameters that are searched; the others stay at their value in `initial`.
-  /// A prior of a parameter that is not free has no effect. Throws Error for unknown names, a name
+  /// A prior of a parameter that is not free has no effect. `other` has both functions or none.
+  /// Throws Error for unknown names, a name
   /// listed twice, none, or no trial.
   Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initial,
           std::vector<std::string> free, Evaluator evaluator = {},
-          std::vector<ParameterPrior> priors = {});
+          std::vector<ParameterPrior> priors = {}, OtherData other = {});
   int dimension() const { return static_cast<int>(free_.size()); }
   const std::vector<std::string>& free() const { return free_; }
   const std::vector<std::shared_ptr<const Trial>>& trials() const { return trials_; }
@@ -129,11 +138,16 @@ class Problem {
   /// Mean in scaled coordinates, and 1 / variance, 0 where there is no prior.
   const VecX& prior_mean() const { return prior_mean_; }
   const VecX& prior_precision() const { return prior_precision_; }
-  /// sum (scaled - mean)^2 precision / 2: minus the logarithm of the prior's density, without its
-  /// constant.
-  double prior_cost(const VecX& scaled) const {
-    return 0.5 * (scaled - prior_mean_).cwiseAbs2().dot(prior_precision_);
-  }
+  const OtherData& other() const { return other_; }
+  /// Is there anything besides the trials' data?
+  bool has_prior() const { return !priors_.empty() || other_.cost; }
+  /// What is known besides the trials, sum (scaled - mean)^2 precision / 2 and the other data's
+  /// cost: minus the logarithm of a density, without its constant; times `weight`. 0 where nothing
+  /// is known or the weight is 0.
+  double prior_cost(const VecX& scaled, double weight = 1) const;
+  /// The same with gradient and Gauss-Newton matrix, for the weight 1; these two do not have the
+  /// other data's part where its cost is infinite.
+  QuadraticModel prior_model(const VecX& scaled) const;
   /// Identifies the trials and their options by content: two problems with the same fingerprint
   /// give the same error for the same fabric. 16 hexadecimal digits.
   const std::string& fingerprint() const { return fingerprint_; }
@@ -146,6 +160,7 @@ class Problem {
   std::vector<int> indices_;
   std::vector<ParameterInfo> infos_;
   std::vector<ParameterPrior> priors_;
+  OtherData other_;
   VecX prior_mean_, prior_precision_;
   std::string fingerprint_;
   Evaluator evaluator_;

@@ -115,6 +115,26 @@ double cluster_dispersion(const std::vector<CostPart>& clusters) {
   return freedom > 1e-9 ? scatter / freedom : kInfinity;
 }
 
+namespace {
+
+/// The frames of each patch added up; a patch without cloth is no cluster. Empty for fewer than
+/// two.
+std::vector<CostPart> patch_clusters(std::vector<CostPart> patches) {
+  std::erase_if(patches, [](const CostPart& patch) { return patch.hessian.isZero(0); });
+  if (patches.size() < 2) patches.clear();
+  return patches;
+}
+
+}  // namespace
+
+double cluster_dispersion(const std::vector<PatchPart>& parts) {
+  const std::vector<CostPart> frames = frames_of(parts);
+  double dispersion = cluster_dispersion(join_frames(frames, frames_per_cluster(frames)));
+  if (const auto patches = patch_clusters(patches_of(parts)); !patches.empty())
+    dispersion += cluster_dispersion(patches);
+  return dispersion;
+}
+
 int frames_per_cluster(const std::vector<CostPart>& parts) {
   return std::clamp(static_cast<int>(parts.size()) / kLeastClusters, 1, kMostFramesPerCluster);
 }
@@ -190,16 +210,17 @@ class UncertaintyOfEstimate {
   UncertaintyOfEstimate(const Problem& problem, const VecX& scaled,
                         const std::vector<CostPart>& parts, std::vector<CostPart> patches,
                         const UncertaintyOptions& options)
-      : problem_(problem), scaled_(scaled), options_(options), patches_(std::move(patches)) {
+      : problem_(problem),
+        scaled_(scaled),
+        options_(options),
+        prior_(problem.prior_model(scaled)),
+        patches_(patch_clusters(std::move(patches))) {
     if (!(options.confidence > 0 && options.confidence < 1))
       throw Error(fmt::format("confidence is {:g}, must be in (0, 1)", options.confidence));
     if (options.frames_per_cluster < 0) throw Error("frames per cluster must not be negative");
     result_.frames_per_cluster =
         options.frames_per_cluster > 0 ? options.frames_per_cluster : frames_per_cluster(parts);
     clusters_ = join_frames(parts, result_.frames_per_cluster);
-    // A patch without cloth is no cluster.
-    std::erase_if(patches_, [](const CostPart& patch) { return patch.hessian.isZero(0); });
-    if (patches_.size() < 2) patches_.clear();
     result_.dispersion = cluster_dispersion(clusters_);
     if (!patches_.empty()) result_.dispersion += cluster_dispersion(patches_);
     result_.confidence = options.confidence;
@@ -234,18 +255,14 @@ class UncertaintyOfEstimate {
 
   /// In the unit of the cost.
   PriorTerm prior() const {
-    PriorTerm term;
-    const VecX precision = weight() * problem_.prior_precision();
-    term.gradient = precision.cwiseProduct(scaled_ - problem_.prior_mean());
-    term.hessian = precision.asDiagonal();
-    term.gradient_covariance = weight() * term.hessian;
-    return term;
+    return {weight() * prior_.gradient, weight() * prior_.hessian,
+            weight() * weight() * prior_.hessian};
   }
   double weight() const { return std::isfinite(result_.dispersion) ? result_.dispersion : 0; }
 
   /// Of cluster_covariance(), for some of the parameters; empty without priors.
   PriorTerm prior(const std::vector<Eigen::Index>& indices) const {
-    if (problem_.priors().empty()) return {};
+    if (!problem_.has_prior()) return {};
     const PriorTerm all = prior();
     return {VecX(all.gradient(indices)), select(all.hessian, indices),
             select(all.gradient_covariance, indices)};
@@ -254,7 +271,10 @@ class UncertaintyOfEstimate {
   void find_information() {
     const double dispersion = result_.dispersion;
     const Eigen::Index n = scaled_.size();
+    // Of all data; priors are none.
     result_.information = MatX::Zero(n, n);
+    if (problem_.other().linearize)
+      result_.information += prior_.hessian - MatX(problem_.prior_precision().asDiagonal());
     for (const CostPart& cluster : clusters_) result_.information += cluster.hessian / dispersion;
     // Once a trial.
     int trials = 0;
@@ -379,6 +399,7 @@ class UncertaintyOfEstimate {
   const Problem& problem_;
   const VecX& scaled_;
   const UncertaintyOptions& options_;
+  const QuadraticModel prior_;
   std::vector<CostPart> clusters_, patches_;
   std::vector<Eigen::Index> free_, held_;
   Uncertainty result_;

@@ -50,6 +50,12 @@ ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
 /// one cluster decides alone. Throws Error as cluster_covariance() does.
 double cluster_dispersion(const std::vector<CostPart>& clusters);
 
+/// The sum of it over blocks of frames and over patches of the picture: what estimate_uncertainty()
+/// takes. Where all frames show the same, as a swatch at rest, frames alone scatter by the noise of
+/// the pixels only, and the data would seem to be far surer than they are. Throws Error for fewer
+/// than two frames.
+double cluster_dispersion(const std::vector<PatchPart>& parts);
+
 /// Successive parts of a trial joined into blocks of `frames`; the last block may be shorter.
 std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames);
 

@@ -6,6 +6,7 @@
 
 #include "weft/base/error.h"
 #include "weft/model/diagonal_law.h"
+#include "weft/model/motion_elastic.h"
 #include "weft/model/piecewise_linear_law.h"
 #include "weft/model/sheet_model.h"
 #include "weft/model/spring_model.h"
@@ -48,10 +49,7 @@ std::unique_ptr<ElasticModel> make_elastic_model(const TriangleMesh& mesh, const
     return std::make_unique<detail::SpringModel>(mesh, fabric, grain_angle);
   if (fabric.model == "piecewise-linear")
     return sheet(detail::make_piecewise_linear_membrane(), detail::make_piecewise_linear_bending());
-  throw Error(fmt::format(
-      "fabric \"{}\" is of model \"{}\", which has no elastic model of its own; with: \"stvk\", "
-      "\"stvk-diagonal\", \"soft-constraints\", \"springs\", \"piecewise-linear\"",
-      fabric.name, fabric.model));
+  return detail::make_motion_elastic(mesh, fabric, grain_angle);
 }
 
 }  // namespace weft

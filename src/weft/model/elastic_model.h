@@ -60,7 +60,8 @@ class ElasticModel {
   }
 };
 
-/// The model that `fabric.model` names on `mesh`. `grain_angle` (rad): u of the material lies at
+/// The model that `fabric.model` names on `mesh`; of "baraff-witkin" and "baraff-witkin-diagonals"
+/// the elastic part. `grain_angle` (rad): u of the material lies at
 /// this angle, counter-clockwise, from the first axis of the mesh's material coordinates. Throws
 /// Error for a name that is no elastic model, or a mesh or fabric that is not valid.
 std::unique_ptr<ElasticModel> make_elastic_model(const TriangleMesh& mesh, const Fabric& fabric,

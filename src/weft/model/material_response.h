@@ -33,9 +33,8 @@ struct MaterialResponse {
 
 /// Of the continuous sheet that the fabric's model stands for, from the energies of small patches
 /// without what their rims lack (a free edge carries no moment): exact for stretch and shear, for
-/// bend but for the chords of a cylinder, 0.02 %. Throws Error for a fabric that is no elastic
-/// model, for "springs", whose stiffness depends on the mesh, and for a strain that is not finite
-/// or, in stretch, not above -1.
+/// bend but for the chords of a cylinder, 0.02 %. Throws Error for "springs", whose stiffness
+/// depends on the mesh, and for a strain that is not finite or, in stretch, not above -1.
 MaterialResponse material_response(const Fabric& fabric, MaterialTest test,
                                    std::span<const double> strains);
 

@@ -6,6 +6,11 @@
 namespace weft::detail {
 namespace {
 
+std::string heading(std::string_view id, std::string_view title) {
+  return fmt::format("<section id=\"{0}\"><h2>{1}{2}</h2>\n", id, title,
+                     id.starts_with("tests") ? " by the mechanical tests" : "");
+}
+
 std::string force_cell(const ReportMechanical& c) {
   return c.force_count == 0 ? "not measured" : format_short(c.force_rms, 3) + " N";
 }
@@ -96,10 +101,11 @@ std::string match_of(const ReportMechanical& c, PlotPlacer& place) {
 
 }  // namespace
 
-std::string mechanical_measured_section(const MechanicalReport& report) {
+std::string mechanical_measured_section(const MechanicalReport& report, std::string_view id) {
   if (report.captures.empty()) return "";
   std::string html =
-      "<section id=\"measured\"><h2>What was measured</h2>\n<table><thead><tr><th>Test</th>"
+      heading(id, "What was measured") +
+      "<table><thead><tr><th>Test</th>"
       "<th>Swatch</th><th>Weft at</th><th>Areal density</th><th>Frames</th><th>Force components"
       "</th><th>Points of the shape</th></tr></thead><tbody>\n";
   for (const ReportMechanical& c : report.captures) {
@@ -119,9 +125,10 @@ std::string mechanical_measured_section(const MechanicalReport& report) {
   return html + "</tbody></table></section>\n";
 }
 
-std::string mechanical_match_section(const MechanicalReport& report, PlotPlacer& place) {
+std::string mechanical_match_section(const MechanicalReport& report, std::string_view id,
+                                     PlotPlacer& place) {
   if (report.captures.empty()) return "";
-  std::string html = "<section id=\"match\"><h2>How well it matches</h2>\n";
+  std::string html = heading(id, "How well it matches");
   html += table_of_tests(report);
   for (const ReportMechanical& capture : report.captures) html += match_of(capture, place);
   return html + "</section>\n";

@@ -6,9 +6,11 @@
 
 namespace weft::detail {
 
-/// Sections of a report's page; empty where there are no mechanical captures.
-std::string mechanical_measured_section(const MechanicalReport& report);
-std::string mechanical_match_section(const MechanicalReport& report, PlotPlacer& place);
+/// Sections of a report's page under `id` ("tests-..." beside those of videos); empty where there
+/// are no mechanical captures.
+std::string mechanical_measured_section(const MechanicalReport& report, std::string_view id);
+std::string mechanical_match_section(const MechanicalReport& report, std::string_view id,
+                                     PlotPlacer& place);
 /// Stress against strain of the fabric, which belongs to "How sure".
 std::string response_figures(const MechanicalReport& report, PlotPlacer& place);
 

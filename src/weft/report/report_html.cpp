@@ -617,6 +617,7 @@ std::string navigation(const std::string& body) {
       {"measured", "What was measured"},
       {"found", "What was found"},
       {"match", "How well it matches"},
+      {"tests-match", "Mechanical tests"},
       {"sure", "How sure"},
       {"search", "Search"},
       {"matrix", "Fabrics against captures"},
@@ -634,9 +635,13 @@ std::string navigation(const std::string& body) {
 std::string report_to_html(const Report& report, const std::vector<CapturePictures>& pictures,
                            const MechanicalReport& mechanical) {
   PlotPlacer place;
-  std::string body = measured_section(report) + mechanical_measured_section(mechanical);
+  const bool videos = !report.captures.empty();
+  std::string body =
+      measured_section(report) +
+      mechanical_measured_section(mechanical, videos ? "tests-measured" : "measured");
   body += found_section(report);
-  body += match_section(report, pictures, place) + mechanical_match_section(mechanical, place);
+  body += match_section(report, pictures, place) +
+          mechanical_match_section(mechanical, videos ? "tests-match" : "match", place);
   body += sure_section(report, mechanical, place);
   body += search_section(report, place);
   body += matrix_section(report, place);

@@ -1,0 +1,57 @@
+#include "mechanical_beside.h"
+
+#include <fmt/core.h>
+
+#include "report_of_mechanical.h"
+#include "weft/base/error.h"
+#include "weft/base/interrupt.h"
+#include "weft/base/progress.h"
+
+namespace weft::app {
+
+MechanicalBeside::MechanicalBeside(const MechanicalFitArguments& arguments, const Fabric& initial,
+                                   const std::vector<std::string>& free)
+    : threads_(arguments.threads) {
+  for (const std::string& folder : arguments.captures) {
+    captures_.push_back(read_mechanical_capture(folder));
+    trials_.push_back(prepare_mechanical(captures_.back(), arguments.options));
+  }
+  MechanicalCostOptions cost;
+  cost.residuals = mechanical_residuals_from_name(arguments.residuals);
+  cost.force_noise = arguments.force_noise;
+  cost.point_noise = arguments.point_noise;
+  problem_ = std::make_shared<MechanicalProblem>(trials_, initial, free, cost, threads_);
+  Progress progress("mechanical tests alone", 0);
+  alone_ = fit_mechanical(*problem_, initial, {}, [&](const MechanicalFitStep& step) {
+    progress.update(step.evaluation,
+                    fmt::format("error {:.4g}, best {:.4g}", step.cost, step.best));
+    return !interrupted();
+  });
+}
+
+OtherData MechanicalBeside::data() const {
+  return mechanical_data(problem_, problem_->scaled(alone_.fabric));
+}
+
+MechanicalBeside::Shown MechanicalBeside::show(const Fabric& estimate,
+                                               const std::vector<ParameterInterval>& intervals,
+                                               const MatX& correlation) const {
+  const auto frames = simulate_mechanical(trials_, estimate, MechanicalDerivatives::all, threads_);
+  std::vector<MechanicalEvaluation> evaluations;
+  Shown shown;
+  shown.json = nlohmann::json::array();
+  for (std::size_t i = 0; i < trials_.size(); ++i) {
+    evaluations.push_back(compare_mechanical(*trials_[i], frames[i]));
+    nlohmann::json entry = mechanical_json(evaluations.back());
+    entry["name"] = captures_[i].name;
+    entry["folder"] = captures_[i].folder.string();
+    shown.json.push_back(entry);
+    shown.lines.push_back(fmt::format("{}: {}\n{}", captures_[i].name, summary(evaluations[i]),
+                                      complaints(evaluations[i])));
+  }
+  shown.report =
+      report_of_mechanical(trials_, frames, evaluations, estimate, intervals, correlation);
+  return shown;
+}
+
+}  // namespace weft::app

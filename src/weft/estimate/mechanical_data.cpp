@@ -1,0 +1,69 @@
+#include "weft/estimate/mechanical_data.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <vector>
+
+#include "weft/base/error.h"
+
+namespace weft {
+namespace {
+
+/// What was computed before; searches ask for the same point again when they compare.
+class Memory {
+ public:
+  template <class Compute>
+  double operator()(const VecX& scaled, const Compute& compute) {
+    const std::vector<double> key(scaled.begin(), scaled.end());
+    {
+      const std::lock_guard lock(mutex_);
+      if (const auto found = known_.find(key); found != known_.end()) return found->second;
+    }
+    const double value = compute();
+    const std::lock_guard lock(mutex_);
+    return known_[key] = value;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::map<std::vector<double>, double> known_;
+};
+
+/// Gradients scatter around zero with this variance, of that of independent residuals of variance
+/// 1/2 (cluster_dispersion()).
+double dispersion_at(const MechanicalProblem& problem, const VecX& estimate) {
+  const MechanicalProblem::Linearization found = problem.linearize(estimate);
+  if (!std::isfinite(found.model.cost))
+    throw Error("the mechanical captures cannot be computed where they fit best by themselves");
+  // The cost is a mean of squares.
+  const double noise = 2 / static_cast<double>(problem.residual_count());
+  // A single frame has no scatter; its residuals are then taken to be independent.
+  double dispersion = noise * found.model.cost;
+  if (found.parts.size() >= 2) {
+    const double scatter = cluster_dispersion(found.parts);
+    if (std::isfinite(scatter)) dispersion = scatter;
+  }
+  return std::max(dispersion, noise);
+}
+
+}  // namespace
+
+OtherData mechanical_data(std::shared_ptr<const MechanicalProblem> problem, const VecX& estimate) {
+  const double dispersion = dispersion_at(*problem, estimate);
+  OtherData data;
+  data.cost = [problem, dispersion, memory = std::make_shared<Memory>()](const VecX& scaled) {
+    return (*memory)(scaled, [&] { return problem->cost(scaled) / dispersion; });
+  };
+  data.linearize = [problem, dispersion](const VecX& scaled) {
+    QuadraticModel model = problem->linearize(scaled).model;
+    model.cost /= dispersion;
+    model.gradient /= dispersion;
+    model.hessian /= dispersion;
+    return model;
+  };
+  return data;
+}
+
+}  // namespace weft
