@@ -5,6 +5,7 @@
 ///
 ///     weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME]
 ///                       [--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N]
+///                       [--uniform] [--no-noise]
 ///
 /// Captures are made in OUT where they are not there yet, of the fabrics validation/fabrics/rig_*.
 #include <fmt/format.h>
@@ -242,6 +243,8 @@ Arguments parse(int argc, char** argv) {
       arguments.fabrics = {argv[++i]};
     else if (word == "--model" && more)
       arguments.models = {argv[++i]};
+    else if (word == "--no-noise")
+      arguments.rig.noise = {0, 0, 0, 0};
     else if (word == "--uniform")
       arguments.options.pattern = GridPattern::uniform;
     else if (arguments.out.empty())
@@ -252,7 +255,8 @@ Arguments parse(int argc, char** argv) {
   if (arguments.out.empty())
     throw Error(
         "usage: weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME] "
-        "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform]");
+        "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
+        "[--no-noise]");
   if (arguments.parts.empty()) arguments.parts = {"recovery", "orders", "table"};
   return arguments;
 }

@@ -93,13 +93,14 @@ double strain_at(const StiffnessCurve& curve, double stress, double most) {
   return most;
 }
 
-/// From 0 to 1 and back, in equal steps; the rest once at the beginning.
+/// From 0 to 1 and back, in equal steps, the ends of the way twice but for the rest at the
+/// beginning: before and after the motion has turned.
 std::vector<double> loads(const RigOptions& options) {
   std::vector<double> result{0};
   for (int loop = 0; loop < options.loops; ++loop) {
-    for (int i = loop == 0 ? 1 : 2; i <= options.steps; ++i)
+    for (int i = 1; i <= options.steps; ++i)
       result.push_back(static_cast<double>(i) / options.steps);
-    for (int i = options.steps - 1; i >= 1; --i)
+    for (int i = options.steps; i >= 1; --i)
       result.push_back(static_cast<double>(i) / options.steps);
   }
   return result;
@@ -333,11 +334,16 @@ TriangleMesh point_mesh(const RigOptions& options) {
   return make_swatch(options.side, options.side, options.point_lines, options.point_lines);
 }
 
-/// The way of a clip into this frame, unit length; zero where it rests.
+/// The way of a clip into this frame, unit length; where it stood still, the way out of it: the
+/// motion has turned. Zero at rest, and where it does not move at all.
 Vec3 direction_of_motion(const MechanicalFixture& fixture, int frame) {
   if (frame == 0) return Vec3::Zero();
-  const Vec3 way = fixture.frames[at(frame)].position - fixture.frames[at(frame - 1)].position;
-  return way.norm() > kLeastWay ? Vec3(way.normalized()) : Vec3::Zero();
+  const Vec3 here = fixture.frames[at(frame)].position;
+  const Vec3 into = here - fixture.frames[at(frame - 1)].position;
+  if (into.norm() > kLeastWay) return into.normalized();
+  if (at(frame + 1) == fixture.frames.size()) return Vec3::Zero();
+  const Vec3 out = fixture.frames[at(frame + 1)].position - here;
+  return out.norm() > kLeastWay ? Vec3(out.normalized()) : Vec3::Zero();
 }
 
 Vec3 normal3(Rng& rng, double deviation) {

@@ -17,7 +17,7 @@
 ///
 /// How far: until the cloth between the bars, were it strained evenly, answers with
 /// `largest_force` on a bar, but no further than `largest_strain` or `largest_shear`. Frames load
-/// in equal steps and unload through the same ones.
+/// in equal steps and unload through the same ones, with a frame before and one after each turn.
 #include <span>
 #include <string_view>
 
@@ -51,7 +51,8 @@ struct RigNoise {
   double clips = 75e-6 / 6;
   double forces = 3e-3;  ///< N, of a component; >= 0
   /// N, width of the loop that friction of the cords puts between loading and unloading; >= 0. A
-  /// clip that moves reads half of it more along its way.
+  /// clip that moves reads half of it more along its way; so does one that has just turned, along
+  /// the way that it will go.
   double cord_friction = 0.1;
 };
 
