@@ -4,12 +4,14 @@
 #include "command_line.h"
 #include "mechanical.h"
 #include "report_of_fit.h"
+#include "report_of_mechanical.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
 #include "weft/base/random.h"
 #include "weft/estimate/mechanical_fit.h"
+#include "weft/report/report_html.h"
 #include "weft/report/result.h"
 
 namespace weft::app {
@@ -161,7 +163,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
     names.push_back(captures.back().name);
   }
   const Fabric initial = start_fabric(arguments, captures);
-  prepare_output_folder(out, {"result.json", "fabric.toml"},
+  prepare_output_folder(out, {"result.json", "fabric.toml", "report.html"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
   std::vector<std::shared_ptr<const MechanicalTrial>> trials;
   for (const MechanicalCapture& capture : captures)
@@ -182,14 +184,18 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   progress.finish();
   write_fabric(out / "fabric.toml", fit.fabric);
   const auto frames =
-      simulate_mechanical(trials, fit.fabric, MechanicalDerivatives::none, arguments.threads);
+      simulate_mechanical(trials, fit.fabric, MechanicalDerivatives::all, arguments.threads);
   std::vector<MechanicalEvaluation> evaluations;
   for (std::size_t i = 0; i < trials.size(); ++i)
     evaluations.push_back(compare_mechanical(*trials[i], frames[i]));
   const Report report =
       make_report(arguments, problem, fit, fmt::format("{}", fmt::join(names, ", ")));
   write_text(out / "result.json", result_text(report, captures, evaluations));
+  write_report_html(out / "report.html", report, {},
+                    report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,
+                                         fit.correlation));
   print_result(report, captures, evaluations);
+  fmt::print("{}\n", (out / "report.html").string());
   if (report.stopped) throw CLI::RuntimeError(stopped_early);
 }
 

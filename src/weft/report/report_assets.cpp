@@ -104,6 +104,12 @@ figure { margin: 0; min-width: 0; }
 .key { color: var(--soft); font-size: 12px; display: inline-flex; align-items: center; gap: 5px; }
 .swatch { display: inline-block; width: 10px; height: 10px; border-radius: 2px; }
 .scale { display: inline-block; width: 96px; height: 9px; border-radius: 2px; }
+.shapes { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 460px), 1fr));
+  gap: 16px 20px; margin: 12px 0; }
+.shapes .pair { display: flex; gap: 8px; background: #ffffff; border-radius: 6px; }
+.shapes img { width: calc(50% - 4px); height: auto; object-fit: contain; }
+.shapes figcaption { color: var(--soft); font-size: 13px; }
+h4 { font-size: 14px; margin: 20px 0 4px; font-weight: 640; }
 .controls { display: flex; align-items: center; gap: 12px; margin: 16px auto 4px; max-width: 1040px; }
 .controls input[type=range] { flex: 1; min-width: 0; accent-color: var(--accent); margin: 0; height: 24px; }
 .controls button, .controls select { font: inherit; font-size: 14px; color: var(--ink); height: 34px;

@@ -11,17 +11,15 @@
 #include "weft/base/error.h"
 #include "weft/report/colour_map.h"
 #include "weft/report/figures.h"
+#include "weft/report/html_parts.h"
+#include "weft/report/mechanical_html.h"
 #include "weft/report/report_assets.h"
 #include "weft/report/text.h"
 
 namespace weft {
 namespace {
 
-constexpr int kPlotWidth = 570;
-constexpr int kSmallPlotWidth = 360;
-constexpr double kMillimetres = 1000;
-
-std::string escaped(std::string_view text) { return escape_xml(text); }
+using namespace detail;
 
 std::string in_words(std::string name) {
   std::ranges::replace(name, '_', ' ');
@@ -42,50 +40,6 @@ std::string date_text(std::string created) {
   if (created.size() > 10 && created[10] == 'T') created[10] = ' ';
   return created;
 }
-
-std::string percent(double value) {
-  return format_value(value, std::abs(value) < 10 ? 2 : 3) + " %";
-}
-
-std::string millimetres(double metres) { return format_value(kMillimetres * metres, 3) + " mm"; }
-
-std::string data_uri(const EncodedPicture& picture) {
-  return "data:" + picture.mime + ";base64," + base64(picture.bytes);
-}
-
-/// A cell that names its column, which narrow screens show.
-std::string cell(std::string_view name, std::string_view markup, std::string_view classes = {}) {
-  return fmt::format("<td{} data-name=\"{}\">{}</td>",
-                     classes.empty() ? "" : fmt::format(" class=\"{}\"", classes), escaped(name),
-                     markup);
-}
-
-// ---- Plots inside the page
-
-/// Numbers the plots of one page, so that ids and file names differ.
-struct PlotPlacer {
-  int count = 0;
-
-  /// `along`: "frame" or "time" where a viewer's cursor runs along the x axis.
-  template <typename Plot>
-  std::string operator()(const Plot& plot, std::string_view caption, std::string_view along = {}) {
-    const std::string id = fmt::format("plot-{}", ++count);
-    std::string svg = to_svg(plot, id);
-    // Inside HTML the name space is understood, and the page stays free of addresses.
-    constexpr std::string_view kNameSpace = " xmlns=\"http://www.w3.org/2000/svg\"";
-    if (const auto at = svg.find(kNameSpace); at != std::string::npos) {
-      svg.erase(at, kNameSpace.size());
-    }
-    const std::string csv = to_csv(plot);
-    const std::vector<std::uint8_t> bytes(csv.begin(), csv.end());
-    return fmt::format(
-        "<figure class=\"plot\"{}><div class=\"scroll\">{}</div><figcaption>{} "
-        "<a class=\"data\" download=\"{}.csv\" href=\"data:text/csv;charset=utf-8;base64,{}\">"
-        "Data (CSV)</a></figcaption></figure>\n",
-        along.empty() ? "" : fmt::format(" data-along=\"{}\"", along), svg, escaped(caption), id,
-        base64(bytes));
-  }
-};
 
 // ---- Head of the page
 
@@ -110,11 +64,11 @@ std::string parameters_tile(const Report& report) {
   for (const ReportParameter& p : report.parameters) {
     if (!p.free) continue;
     ++free;
-    if (p.variability_percent || !p.determined) ++examined;
+    if (p.variability_percent || p.interval_upper || !p.determined) ++examined;
     if (p.determined && p.at_bound == ReportParameter::Bound::none) ++sound;
   }
   if (examined == 0)
-    return tile("Parameters", fmt::format("{} fitted", free), "variability not computed");
+    return tile("Parameters", fmt::format("{} fitted", free), "certainty not computed");
   return tile("Parameters", fmt::format("{} of {}", sound, free),
               "determined, and inside their range");
 }
@@ -148,8 +102,9 @@ std::string head(const Report& report) {
   const auto warnings = report_warnings(report);
   if (warnings.empty()) {
     const bool examined = std::all_of(
-        report.parameters.begin(), report.parameters.end(),
-        [](const ReportParameter& p) { return !p.free || p.variability_percent.has_value(); });
+        report.parameters.begin(), report.parameters.end(), [](const ReportParameter& p) {
+          return !p.free || p.variability_percent.has_value() || p.interval_upper.has_value();
+        });
     html += fmt::format("<p class=\"quiet\" id=\"warnings\">No warnings: the error fell{}</p>\n",
                         examined ? ", every fitted parameter is determined and inside its range."
                                  : ". Whether the data determine each parameter was not examined.");
@@ -276,13 +231,15 @@ std::string found_section(const Report& report) {
   if (report.parameters.empty()) return "";
   const bool with_intervals = std::ranges::any_of(
       report.parameters, [](const ReportParameter& p) { return p.interval_upper.has_value(); });
+  const bool with_variability = std::ranges::any_of(
+      report.parameters,
+      [](const ReportParameter& p) { return p.variability_percent.has_value(); });
   std::string html =
       "<section id=\"found\"><h2>What was found</h2>\n<table><thead><tr><th>Parameter</th>"
       "<th class=\"n\">Value</th>";
   if (with_intervals) html += "<th class=\"n\">90 % interval</th>";
-  html +=
-      "<th class=\"n\">Variability</th><th>Unit</th><th>Range searched</th>"
-      "<th></th></tr></thead><tbody>\n";
+  if (with_variability || !with_intervals) html += "<th class=\"n\">Variability</th>";
+  html += "<th>Unit</th><th>Range searched</th><th></th></tr></thead><tbody>\n";
   for (const ReportParameter& p : report.parameters) {
     const bool weak = !p.free || !p.determined;
     html += fmt::format("<tr class=\"parameter{}\">", weak ? " weak" : "");
@@ -292,18 +249,18 @@ std::string found_section(const Report& report) {
                  "lead");
     html += cell("Value", "<span class=\"value\">" + format_value(p.value) + "</span>", "n");
     if (with_intervals) html += cell("90 % interval", interval_text(p), "n");
-    html += cell("Variability", variability_text(p), "n");
+    if (with_variability || !with_intervals) html += cell("Variability", variability_text(p), "n");
     html += cell("Unit", escaped(format_unit(p.unit)));
     html += cell("Range searched", range_bar(p), "range");
     html += cell("", status(p));
     html += "</tr>\n";
   }
-  html +=
-      "</tbody></table>\n<p class=\"minor\" style=\"margin-top:10px\">Variability is the change of "
-      "the "
-      "parameter that raises the error by 1 %: the smaller, the better the data determine it. In "
-      "the "
-      "bars, the dot is the estimate, the tick where the search started, the shade ";
+  html += "</tbody></table>\n<p class=\"minor\" style=\"margin-top:10px\">";
+  if (with_variability)
+    html +=
+        "Variability is the change of the parameter that raises the error by 1 %: the smaller, the "
+        "better the data determine it. ";
+  html += "In the bars, the dot is the estimate, the tick where the search started, the shade ";
   html += with_intervals ? "the interval." : "the variability.";
   for (const ReportParameter& p : report.parameters) {
     if (!p.free || !p.prior_median || !p.prior_factor) continue;
@@ -311,9 +268,11 @@ std::string found_section(const Report& report) {
                         escaped(with_unit(*p.prior_median, p.unit)), format_short(*p.prior_factor));
   }
   if (with_intervals) {
-    html +=
-        " The 90 % interval comes from leaving out blocks of frames, and parts of the picture, in "
-        "turn, to first order: what is wrong in all frames and places alike is not in it.";
+    html += fmt::format(
+        " The 90 % interval comes from leaving out {} in turn, to first order: what is "
+        "wrong in all {} alike is not in it.",
+        report.captures.empty() ? "frames" : "blocks of frames, and parts of the picture,",
+        report.captures.empty() ? "frames" : "frames and places");
   }
   html += "</p></section>\n";
   return html;
@@ -528,10 +487,11 @@ std::string condition_text(const ReportCertainty& certainty) {
       100 * certainty.confidence, certainty.frames_per_cluster, certainty.clusters);
 }
 
-std::string sure_section(const Report& report, PlotPlacer& place) {
+std::string sure_section(const Report& report, const MechanicalReport& mechanical,
+                         PlotPlacer& place) {
   BarChart chart = variability_chart(report.parameters);
   if (chart.bars.empty() && report.perturbations.empty() && report.surfaces.empty() &&
-      !report.certainty)
+      !report.certainty && mechanical.responses.empty())
     return "";
   std::string html = "<section id=\"sure\"><h2>How sure</h2>\n";
   if (report.certainty) html += condition_text(*report.certainty);
@@ -557,7 +517,7 @@ std::string sure_section(const Report& report, PlotPlacer& place) {
     html += place(map, fmt::format("The other parameters as estimated{}.",
                                    surface.capture.empty() ? "" : ", capture " + surface.capture));
   }
-  html += "</div>\n";
+  html += "</div>\n" + response_figures(mechanical, place);
   if (!report.perturbations.empty()) {
     html +=
         "<h3>Perturbation of each parameter</h3>\n<p class=\"minor\">One parameter changed at a "
@@ -671,11 +631,13 @@ std::string navigation(const std::string& body) {
 
 }  // namespace
 
-std::string report_to_html(const Report& report, const std::vector<CapturePictures>& pictures) {
+std::string report_to_html(const Report& report, const std::vector<CapturePictures>& pictures,
+                           const MechanicalReport& mechanical) {
   PlotPlacer place;
-  std::string body = measured_section(report) + found_section(report);
-  body += match_section(report, pictures, place);
-  body += sure_section(report, place);
+  std::string body = measured_section(report) + mechanical_measured_section(mechanical);
+  body += found_section(report);
+  body += match_section(report, pictures, place) + mechanical_match_section(mechanical, place);
+  body += sure_section(report, mechanical, place);
   body += search_section(report, place);
   body += matrix_section(report, place);
   body += made_section(report);
@@ -692,9 +654,10 @@ std::string report_to_html(const Report& report, const std::vector<CapturePictur
 }
 
 void write_report_html(const std::filesystem::path& path, const Report& report,
-                       const std::vector<CapturePictures>& pictures) {
+                       const std::vector<CapturePictures>& pictures,
+                       const MechanicalReport& mechanical) {
   std::ofstream file(path, std::ios::binary);
-  file << report_to_html(report, pictures);
+  file << report_to_html(report, pictures, mechanical);
   file.close();
   if (!file) throw Error(path.string() + ": cannot be written");
 }

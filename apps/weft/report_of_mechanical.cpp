@@ -1,0 +1,247 @@
+#include "report_of_mechanical.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "weft/estimate/mechanical_strains.h"
+
+namespace weft::app {
+namespace {
+
+/// Half the interval of something that depends on the fabric, from its derivative.
+class Spread {
+ public:
+  Spread(const Fabric& fabric, const std::vector<ParameterInterval>& intervals,
+         const MatX& correlation)
+      : half_widths_(static_cast<Eigen::Index>(intervals.size())) {
+    const auto n = half_widths_.size();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const ParameterInterval& interval = intervals[static_cast<std::size_t>(i)];
+      const int index = fabric.value_index(interval.name);
+      indices_.push_back(index);
+      const ParameterInfo info = fabric.info(index);
+      constexpr double kStep = 1e-6;
+      const double scaled = to_scaled(info, interval.value);
+      const double slope =
+          (from_scaled(info, scaled + kStep) - from_scaled(info, scaled - kStep)) / (2 * kStep);
+      half_widths_[i] = interval.determined ? slope * interval.half_width : 0;
+    }
+    correlation_ = MatX::Identity(n, n);
+    for (Eigen::Index i = 0; i < n; ++i)
+      for (Eigen::Index j = 0; j < n; ++j)
+        if (i != j && correlation.rows() == n && std::isfinite(correlation(i, j)))
+          correlation_(i, j) = correlation(i, j);
+  }
+
+  bool known() const { return half_widths_.size() > 0 && half_widths_.maxCoeff() > 0; }
+  /// `derivative` by all of the fabric's values.
+  double operator()(const Eigen::Ref<const VecX>& derivative) const {
+    const VecX part = derivative(indices_).cwiseProduct(half_widths_);
+    return std::sqrt(std::max(0.0, part.dot(correlation_ * part)));
+  }
+
+ private:
+  std::vector<int> indices_;
+  VecX half_widths_;
+  MatX correlation_;
+};
+
+ReportDistance report_distance(const SurfaceDistance& d) { return {d.mean, d.rms, d.max}; }
+
+/// Unit vector of the largest measured force of a clip; zero where none is known.
+Vec3 main_direction(const MechanicalFixture& fixture) {
+  Vec3 direction = Vec3::Zero();
+  for (Eigen::Index k = 0; k < fixture.forces.cols(); ++k) {
+    const Vec3 force = fixture.forces.col(k);
+    const Vec3 known = force.array().isNaN().select(Vec3::Zero(), force);
+    if (known.norm() > direction.norm()) direction = known;
+  }
+  return direction.norm() > 0 ? Vec3(direction.normalized()) : direction;
+}
+
+ReportClip report_clip(const MechanicalTrial& trial, std::size_t index,
+                       const std::vector<MechanicalFrame>& frames, const Spread& spread) {
+  const MechanicalFixture& fixture = trial.capture.fixtures[index];
+  ReportClip clip;
+  clip.name = fixture.name;
+  const MechanicalFixture& first = trial.capture.fixtures.front();
+  for (std::size_t k = 0; k < fixture.frames.size(); ++k) {
+    Vec3 way = fixture.frames[k].position - fixture.frames.front().position;
+    if (index > 0) way -= first.frames[k].position - first.frames.front().position;
+    clip.moved.push_back(way.norm());
+  }
+  if (fixture.forces.cols() == 0) return clip;
+  const Vec3 direction = main_direction(fixture);
+  for (const MechanicalFrame& frame : frames) {
+    const Vec3 measured = fixture.forces.col(frame.frame);
+    const Vec3 part = measured.array().isNaN().select(Vec3::Zero(), direction);
+    const auto at = static_cast<Eigen::Index>(index);
+    const double computed =
+        frame.converged ? part.dot(frame.forces.col(at)) : std::numeric_limits<double>::quiet_NaN();
+    clip.measured.push_back(part.isZero() ? std::numeric_limits<double>::quiet_NaN()
+                                          : part.dot(part.cwiseEqual(0).select(part, measured)));
+    clip.computed.push_back(computed);
+    if (!spread.known() || frame.force_derivative.size() == 0) continue;
+    const double half = spread(frame.force_derivative.middleRows(3 * at, 3).transpose() * part);
+    clip.lower.push_back(computed - half);
+    clip.upper.push_back(computed + half);
+  }
+  if (clip.lower.size() != clip.computed.size()) clip.lower.clear(), clip.upper.clear();
+  return clip;
+}
+
+constexpr double kLeftOut = 0.005;  // of the area, at either end of a histogram
+
+ReportHistogram report_histogram(MaterialTest test, const StrainSample& sample) {
+  constexpr int kBins = 40;
+  ReportHistogram histogram;
+  histogram.name = material_test_name(test);
+  histogram.unit = is_bend(test) ? "1/m" : "";
+  histogram.lower = quantile(sample, kLeftOut);
+  histogram.upper = quantile(sample, 1 - kLeftOut);
+  if (!(histogram.upper > histogram.lower)) return histogram;
+  histogram.share.assign(kBins, 0);
+  double total = 0;
+  for (std::size_t i = 0; i < sample.value.size(); ++i) {
+    const double t =
+        (sample.value[i] - histogram.lower) / (histogram.upper - histogram.lower) * kBins;
+    if (t < 0 || t > kBins) continue;
+    histogram.share[std::min<std::size_t>(static_cast<std::size_t>(t), kBins - 1)] +=
+        sample.area[i];
+    total += sample.area[i];
+  }
+  for (double& share : histogram.share) share /= total;
+  return histogram;
+}
+
+/// First, last, and the one with the largest force, or where no force was measured the middle one.
+std::set<int> shown_frames(const MechanicalCapture& capture) {
+  int most = capture.frame_count / 2;
+  double largest = 0;
+  for (const MechanicalFixture& fixture : capture.fixtures) {
+    for (Eigen::Index k = 0; k < fixture.forces.cols(); ++k) {
+      const double force = fixture.forces.col(k).norm();
+      if (!(force > largest)) continue;
+      largest = force;
+      most = static_cast<int>(k);
+    }
+  }
+  return {0, most, capture.frame_count - 1};
+}
+
+void add_shapes(const MechanicalTrial& trial, const std::vector<MechanicalFrame>& frames,
+                ReportMechanical& report) {
+  if (!trial.geometry) return;
+  const MeasuredGeometry& geometry = *trial.geometry;
+  ShapeView view;
+  if (trial.capture.gravity.norm() > 0) view.up = -trial.capture.gravity.normalized();
+  view.lower = Vec3::Constant(std::numeric_limits<double>::infinity());
+  view.upper = -view.lower;
+  std::vector<VecX> residuals;
+  std::vector<double> sorted;
+  for (const MechanicalFrame& frame : frames) {
+    const Points& measured = geometry.frames[static_cast<std::size_t>(frame.frame)];
+    view.lower = view.lower.cwiseMin(measured.rowwise().minCoeff());
+    view.upper = view.upper.cwiseMax(measured.rowwise().maxCoeff());
+    residuals.push_back((frame.points - measured).colwise().norm().transpose());
+    sorted.insert(sorted.end(), residuals.back().begin(), residuals.back().end());
+  }
+  std::ranges::sort(sorted);
+  // A few buckled corners do not set the scale.
+  report.full_distance = std::max(sorted[sorted.size() * 99 / 100], 1e-6);
+  for (const int k : shown_frames(trial.capture)) {
+    const auto at = static_cast<std::size_t>(k);
+    report.shapes.push_back(
+        {k, encode_png(shape_picture(geometry.mesh, geometry.frames[at], {}, 1, view)),
+         encode_png(shape_picture(geometry.mesh, frames[at].points, residuals[at],
+                                  report.full_distance, view))});
+  }
+}
+
+ReportMechanical report_capture(const MechanicalTrial& trial,
+                                const std::vector<MechanicalFrame>& frames,
+                                const MechanicalEvaluation& evaluation,
+                                const std::array<StrainSample, 5>& samples, const Spread& spread) {
+  const MechanicalCapture& capture = trial.capture;
+  ReportMechanical report;
+  report.name = capture.name;
+  report.description = capture.description;
+  report.folder = capture.folder.string();
+  report.width = capture.width;
+  report.height = capture.height;
+  report.areal_density = capture.areal_density;
+  report.grain_angle = capture.grain_angle;
+  report.point_count = trial.geometry ? trial.geometry->mesh.vertex_count() : 0;
+  report.force_rms = evaluation.force_rms;
+  report.force_relative = evaluation.force_relative;
+  report.force_largest = evaluation.largest_force;
+  report.force_count = evaluation.force_count;
+  if (evaluation.point_count > 0) report.distance = report_distance(evaluation.distance);
+  for (const MechanicalDifference& d : evaluation.frames) {
+    ReportMechanicalFrame& frame = report.frames.emplace_back();
+    frame.index = d.frame;
+    frame.converged = d.converged;
+    if (d.force_count > 0) frame.force_rms = d.force_rms;
+    if (d.point_count > 0) frame.distance = report_distance(d.distance);
+  }
+  for (std::size_t i = 0; i < capture.fixtures.size(); ++i)
+    report.clips.push_back(report_clip(trial, i, frames, spread));
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    ReportHistogram histogram = report_histogram(kMaterialTests[i], samples[i]);
+    if (!histogram.share.empty()) report.strains.push_back(std::move(histogram));
+  }
+  add_shapes(trial, frames, report);
+  return report;
+}
+
+/// Over the strains that occur in any capture.
+ReportResponse report_response(const Fabric& fabric, MaterialTest test, double lower, double upper,
+                               const Spread& spread) {
+  constexpr int kSamples = 41;
+  ReportResponse out;
+  out.name = material_test_name(test);
+  out.strain_unit = is_bend(test) ? "1/m" : "";
+  out.stress_unit = is_bend(test) ? "N" : "N/m";
+  for (int i = 0; i < kSamples; ++i)
+    out.strain.push_back(lower + (upper - lower) * i / (kSamples - 1));
+  const MaterialResponse response = material_response(fabric, test, out.strain);
+  out.stress.assign(response.stress.begin(), response.stress.end());
+  if (!spread.known()) return out;
+  for (Eigen::Index i = 0; i < response.stress.size(); ++i) {
+    const double half = spread(response.derivative.row(i).transpose());
+    out.lower.push_back(response.stress[i] - half);
+    out.upper.push_back(response.stress[i] + half);
+  }
+  return out;
+}
+
+}  // namespace
+
+MechanicalReport report_of_mechanical(
+    const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
+    const std::vector<std::vector<MechanicalFrame>>& frames,
+    const std::vector<MechanicalEvaluation>& evaluations, const Fabric& fabric,
+    const std::vector<ParameterInterval>& intervals, const MatX& correlation) {
+  const Spread spread(fabric, intervals, correlation);
+  MechanicalReport report;
+  std::array<double, 5> lower{}, upper{};
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    const auto samples = strain_samples(*trials[i], frames[i]);
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      lower[k] = std::min(lower[k], quantile(samples[k], kLeftOut));
+      upper[k] = std::max(upper[k], quantile(samples[k], 1 - kLeftOut));
+    }
+    report.captures.push_back(
+        report_capture(*trials[i], frames[i], evaluations[i], samples, spread));
+  }
+  if (fabric.model == "springs") return report;  // has no stress of its own
+  for (std::size_t k = 0; k < kMaterialTests.size(); ++k)
+    if (upper[k] > lower[k])
+      report.responses.push_back(
+          report_response(fabric, kMaterialTests[k], lower[k], upper[k], spread));
+  return report;
+}
+
+}  // namespace weft::app

@@ -1,0 +1,42 @@
+#pragma once
+/// What a fabric answers to a homogeneous strain: the curves that a textile laboratory draws.
+#include <array>
+#include <span>
+#include <string_view>
+
+#include "weft/fabric/fabric.h"
+
+namespace weft {
+
+enum class MaterialTest {
+  weft_stretch,  ///< u stretched by 1 + strain, v held: no lateral contraction
+  warp_stretch,  ///< v stretched, u held
+  shear,         ///< simple shear along u: the strain is the tangent of the angle
+  weft_bend,     ///< rolled about v; the strain is the curvature, 1/m
+  warp_bend      ///< rolled about u
+};
+inline constexpr std::array<MaterialTest, 5> kMaterialTests{
+    MaterialTest::weft_stretch, MaterialTest::warp_stretch, MaterialTest::shear,
+    MaterialTest::weft_bend, MaterialTest::warp_bend};
+/// "weft stretch", ...
+std::string_view material_test_name(MaterialTest test);
+/// Bend: strain in 1/m, stress in N. Otherwise "" and N/m.
+bool is_bend(MaterialTest test);
+
+/// One number a strain.
+struct MaterialResponse {
+  /// Derivative of the energy per undeformed area by the strain: force per undeformed width, N/m,
+  /// or moment per width, N. Without internal friction's history: loading from rest.
+  VecX stress;
+  MatX derivative;  ///< of the stress by the fabric's parameters: strains x parameters
+};
+
+/// Of the continuous sheet that the fabric's model stands for, from the energies of small patches
+/// without what their rims lack (a free edge carries no moment): exact for stretch and shear, for
+/// bend but for the chords of a cylinder, 0.02 %. Throws Error for a fabric that is no elastic
+/// model, for "springs", whose stiffness depends on the mesh, and for a strain that is not finite
+/// or, in stretch, not above -1.
+MaterialResponse material_response(const Fabric& fabric, MaterialTest test,
+                                   std::span<const double> strains);
+
+}  // namespace weft

@@ -1,0 +1,96 @@
+#pragma once
+/// What a report shows of mechanical captures, as plain values (like report.h).
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "weft/report/pictures.h"
+#include "weft/report/plot.h"
+#include "weft/report/report.h"
+
+namespace weft {
+
+/// Force of a clip along its way.
+struct ReportClip {
+  std::string name;
+  /// Distance of the clip from where it was at the first frame, less that of the first clip where
+  /// both move; m. One a frame. All zero for a clip that stands still.
+  std::vector<double> moved;
+  /// Components along the direction of the largest measured force, N; NaN: not measured.
+  std::vector<double> measured, computed;
+  /// Of the computed force, from the uncertainty of the parameters; empty where there is none.
+  std::vector<double> lower, upper;
+};
+
+/// How often a strain occurs, by area and over all frames.
+struct ReportHistogram {
+  std::string name;  ///< "weft stretch"
+  std::string unit;  ///< "" or "1/m"
+  double lower = 0, upper = 0;
+  std::vector<double> share;  ///< of equal bins between lower and upper; adds up to 1
+};
+
+struct ReportMechanicalFrame {
+  int index = 0;
+  bool converged = true;
+  double force_rms = std::numeric_limits<double>::quiet_NaN();  ///< N; NaN: no force measured
+  std::optional<ReportDistance> distance;                       ///< to the measured shape
+};
+
+/// A frame's shape, measured and computed, from the same view.
+struct ReportShape {
+  int frame = 0;
+  EncodedPicture measured, computed;
+};
+
+/// One mechanical capture at the estimate.
+struct ReportMechanical {
+  std::string name, description, folder;
+  double width = 0, height = 0;                                 ///< swatch, m
+  double areal_density = 0;                                     ///< kg/m^2
+  double grain_angle = 0;                                       ///< rad
+  int point_count = 0;                                          ///< of the measured shape
+  double force_rms = 0, force_relative = 0, force_largest = 0;  ///< N, 1, N
+  int force_count = 0;                                          ///< measured components
+  std::optional<ReportDistance> distance;
+  double full_distance = 0;  ///< m, at which the colour of `shapes` ends
+  std::vector<ReportMechanicalFrame> frames;
+  std::vector<ReportClip> clips;
+  std::vector<ReportHistogram> strains;
+  std::vector<ReportShape> shapes;
+};
+
+/// Stress against strain of the fabric (model/material_response.h).
+struct ReportResponse {
+  std::string name;                      ///< "weft stretch"
+  std::string strain_unit, stress_unit;  ///< "" and "N/m"; "1/m" and "N"
+  std::vector<double> strain, stress;
+  std::vector<double> lower, upper;  ///< of the stress; empty where there is no uncertainty
+};
+
+struct MechanicalReport {
+  std::vector<ReportMechanical> captures;
+  std::vector<ReportResponse> responses;
+};
+
+/// Force against the way of the clip that moves most, measured as points, computed as a line with
+/// its band; against the frame where none moves. A loop shows as two branches.
+LinePlot force_plot(const ReportMechanical& capture);
+/// Distance to the measured shape by frame, mean and largest, mm.
+LinePlot shape_distance_plot(const ReportMechanical& capture);
+LinePlot strain_plot(const ReportHistogram& histogram);
+LinePlot response_plot(const ReportResponse& response);
+
+/// A surface from above and in front, orthographic, lit from the viewer: coloured by `values` (one
+/// a vertex) from 0 to `full` with viridis, or plain grey where `values` is empty. Every picture of
+/// points that lie in `box` has the same scale. `up` points to the top.
+struct ShapeView {
+  Vec3 lower, upper;  ///< box that is seen, m
+  Vec3 up{0, 0, 1};
+  int width = 420;  ///< px
+};
+Picture shape_picture(const TriangleMesh& mesh, const Points& x, const VecX& values, double full,
+                      const ShapeView& view);
+
+}  // namespace weft

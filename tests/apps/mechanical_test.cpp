@@ -1,0 +1,81 @@
+/// Mechanical captures through the program.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "apps/program.h"
+#include "weft/report/result.h"
+
+namespace weft {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+/// A tensile test as a laboratory hands it over: a curve and the size of the specimen.
+class Mechanical : public ProgramTest {
+ protected:
+  static constexpr double kLength = 0.2, kWidth = 0.05, kStiffness = 800;  // m, m, N/m
+
+  void SetUp() override {
+    ProgramTest::SetUp();
+    write("strip/capture.toml",
+          "format = \"weft-capture\"\nversion = 1\nname = \"strip\"\nkind = \"mechanical\"\n"
+          "test = \"strip\"\n"
+          "specimen = { free_length = 0.2, width = 0.05, areal_density = 0.15 }\n"
+          "[curve]\nfile = \"curve.csv\"\ndisplacement = \"extension\"\nforce = \"load\"\n"
+          "displacement_unit = \"mm\"\n");
+    std::string curve = "extension,load\n";
+    for (int k = 0; k <= 4; ++k) {
+      const double s = 0.01 * k;
+      // A linear law between Green strain and second Piola-Kirchhoff stress, no contraction.
+      const double force = kWidth * kStiffness * (s + s * s / 2) * (1 + s);
+      curve += fmt::format("{:.4f},{:.6f}\n", 1e3 * kLength * s, force);
+    }
+    write("strip/curve.csv", curve);
+  }
+  Outcome fit(const std::string& out) const {
+    return weft(
+        {"fit", path("strip"), "--out", path(out), "--cells", "3", "--parameters", "membrane_uu"});
+  }
+};
+
+TEST_F(Mechanical, FitsACurveAndShowsIt) {
+  const Outcome outcome = fit("out");
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  // The other parameters are at their defaults: A12^2 / A22 = 5 N/m less than membrane_uu resists a
+  // free strip, clamped ends a part of it.
+  const double found = result["parameters"]["membrane_uu"]["value"];
+  EXPECT_NEAR(found, kStiffness + 5, 5);
+  EXPECT_LT(result["mechanical"][0]["force_relative"].get<double>(), 1e-3);
+
+  const std::string page = text_of(folder_ / "out/report.html");
+  for (const char* text : {"What was measured", "What was found", "How well it matches",
+                           "Force of the clips", "Strains that occur", "The fabric's curves"})
+    EXPECT_THAT(page, HasSubstr(text));
+  EXPECT_THAT(outcome.out, HasSubstr("report.html"));
+  EXPECT_NO_THROW(read_result(folder_ / "out/result.json"));
+}
+
+TEST_F(Mechanical, EvaluatesWithTheFabricThatItFound) {
+  ASSERT_EQ(fit("out").status, 0);
+  const Outcome outcome = weft(
+      {"evaluate", path("strip"), "--fabric", path("out/fabric.toml"), "--cells", "3", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_LT(json::parse(outcome.out)["force_relative"].get<double>(), 1e-3);
+}
+
+TEST_F(Mechanical, RefusesWhatCannotBeMeant) {
+  EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--grid", "25"}),
+              HasSubstr("--grid"));
+  EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--parameters", "bend"}),
+              HasSubstr("--parameters"));
+  write("strip/curve.csv", "extension,load\n0,0\n1,two\n");
+  EXPECT_THAT(refusal({"check", path("strip")}), HasSubstr("curve.csv:3"));
+}
+
+}  // namespace
+}  // namespace weft
