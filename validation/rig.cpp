@@ -103,11 +103,11 @@ Fabric wrong_fabric(const Fabric& truth, const std::string& model, const Start& 
 }
 
 /// The strains of the isolating test, at the truth.
-StrainSample occurring(const Trials& trials,
-                       const std::vector<std::vector<MechanicalFrame>>& frames, const Fabric& truth,
-                       std::size_t row) {
+ComponentSample occurring(const Trials& trials,
+                          const std::vector<std::vector<MechanicalFrame>>& frames,
+                          const Fabric& truth, std::size_t row) {
   if (row < 5) return component_strains(*trials[row], frames[row], truth, kRows[row]);
-  StrainSample sample = component_strains(*trials[3], frames[3], truth, kRows[row]);
+  ComponentSample sample = component_strains(*trials[3], frames[3], truth, kRows[row]);
   append(component_strains(*trials[4], frames[4], truth, kRows[row]), sample);
   return sample;
 }
@@ -119,7 +119,7 @@ void compare_curves(const Arguments& arguments, const Trials& trials, const Fabr
   fmt::print("  {:<14} {:>6} {:>22} {:>26} {:>8} {:>8} {:>8}  {}\n", "component", "points",
              "strains", "stiffness at the ends", "rms (%)", "max (%)", "stress", "band");
   for (std::size_t i = 0; i < kRows.size(); ++i) {
-    const StrainSample sample = occurring(trials, frames, truth, i);
+    const ComponentSample sample = occurring(trials, frames, truth, i);
     const StrainRange range = strain_range(sample, kOutliers);
     const StiffnessCurve expected = truth.curve(kRows[i]), curve = found.fit.fabric.curve(kRows[i]);
     double squares = 0, area = 0, most = 0, stress = 0, largest_stress = 0;

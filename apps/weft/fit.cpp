@@ -13,6 +13,7 @@
 
 #include "command_line.h"
 #include "commands.h"
+#include "fit_curves.h"
 #include "mechanical.h"
 #include "options.h"
 #include "report_of_fit.h"
@@ -53,6 +54,7 @@ struct Arguments {
   TrialArguments trial;
   MechanicalArguments mechanical;
   MechanicalFitArguments mechanical_fit;  // what only mechanical captures have
+  CurveFitArguments curves;
 };
 
 /// What both methods share, over the defaults of each.
@@ -366,6 +368,7 @@ void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   fit.overwrite = arguments.overwrite;
   fit.threads = arguments.trial.threads();
   fit.options = arguments.mechanical.options();
+  if (CurveFitArguments::given(command)) fit.curves = arguments.curves.options();
   run_mechanical_fit(fit);
 }
 
@@ -432,6 +435,7 @@ void add_fit(CLI::App& app) {
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
   arguments->mechanical.add_to(*command);
+  arguments->curves.add_to(*command);
   MechanicalFitArguments& mechanical = arguments->mechanical_fit;
   command
       ->add_option(
@@ -451,7 +455,9 @@ void add_fit(CLI::App& app) {
       ->check(number_in(1e-9, 1))
       ->capture_default_str();
   command->footer(
-      "Example:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150");
+      "Examples:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150\n"
+      "  weft fit stretch_weft stretch_warp shear bend_weft bend_warp --out out/denim --model "
+      "stvk-diagonal --order incremental --subdivide");
   command->callback([arguments, command] {
     for (const char* name : {"--coarse", "--coarse-levels", "--coarse-frames"}) {
       if (arguments->method != "annealing" && command->count(name) > 0)
@@ -467,6 +473,7 @@ void add_fit(CLI::App& app) {
     }
     refuse_options(*command, MechanicalArguments::names(), "videos");
     refuse_options(*command, kMechanicalFitOptions, "videos");
+    refuse_options(*command, CurveFitArguments::names(), "videos");
     if (arguments->coarse == std::vector<std::string>{"none"}) arguments->coarse.clear();
     run(*arguments);
   });

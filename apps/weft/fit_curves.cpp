@@ -3,6 +3,8 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+
 #include "mechanical.h"
 #include "weft/base/error.h"
 
@@ -31,11 +33,13 @@ const std::vector<std::string>& CurveFitArguments::names() {
 
 void CurveFitArguments::add_to(CLI::App& command) {
   command
-      .add_option("--order", order_,
-                  "mechanical captures: joint: all parameters to all captures at once (what is done "
-                  "without this option); incremental: stretch, shear, bend, diagonal bend, each from "
-                  "the captures that isolate it, and once more")
-      ->check(CLI::IsMember({"joint", "incremental"}));
+      .add_option(
+          "--order", order_,
+          "mechanical captures: joint: all parameters to all captures at once; incremental: "
+          "stretch, shear, bend, diagonal bend, each from the captures that isolate it, and "
+          "once more")
+      ->check(CLI::IsMember({"joint", "incremental"}))
+      ->capture_default_str();
   command.add_flag("--subdivide", subdivide_,
                    "mechanical captures: stiffness curves, from one control point each to as many "
                    "as lower the error by 1 % or more");

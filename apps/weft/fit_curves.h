@@ -19,7 +19,7 @@ class CurveFitArguments {
   CurveFitOptions options() const;
 
  private:
-  std::string order_ = "incremental";
+  std::string order_ = "joint";
   bool subdivide_ = false, linear_ = false, isotropic_ = false;
   int points_ = CurveFitOptions().most_points;
 };

@@ -43,7 +43,7 @@ std::vector<char> held_vertices(const MechanicalTrial& trial, const MechanicalFr
 
 void add_springs(const MechanicalTrial& trial, const MechanicalFrame& frame,
                  const TriangleMesh& mesh, const Fabric& fabric, int component,
-                 StrainSample& sample) {
+                 ComponentSample& sample) {
   const detail::SpringModel model(mesh, fabric, trial.capture.grain_angle);
   const std::vector<char> held = held_vertices(trial, frame, mesh);
   for (const auto& spring : model.springs()) {
@@ -63,7 +63,7 @@ Fabric with_history(Fabric fabric) {
 
 void add_triangles(const MechanicalTrial& trial, const MechanicalFrame& frame,
                    const TriangleMesh& mesh, const Fabric& fabric, int component,
-                   StrainSample& sample) {
+                   ComponentSample& sample) {
   const auto model = make_elastic_model(mesh, with_history(fabric), trial.capture.grain_angle);
   const VecX history = model->next_history(frame.x);
   const std::vector<char> held = held_vertices(trial, frame, mesh);
@@ -80,11 +80,11 @@ void add_triangles(const MechanicalTrial& trial, const MechanicalFrame& frame,
 
 }  // namespace
 
-StrainSample component_strains(const MechanicalTrial& trial,
-                               const std::vector<MechanicalFrame>& frames, const Fabric& fabric,
-                               std::string_view row) {
+ComponentSample component_strains(const MechanicalTrial& trial,
+                                  const std::vector<MechanicalFrame>& frames, const Fabric& fabric,
+                                  std::string_view row) {
   const int component = component_of(fabric, row);
-  StrainSample sample;
+  ComponentSample sample;
   for (const MechanicalFrame& frame : frames) {
     const TriangleMesh& mesh = trial.stages[at(trial.stage_of_frame[at(frame.frame)])].mesh;
     if (fabric.model == "springs")
@@ -95,12 +95,12 @@ StrainSample component_strains(const MechanicalTrial& trial,
   return sample;
 }
 
-void append(const StrainSample& more, StrainSample& sample) {
+void append(const ComponentSample& more, ComponentSample& sample) {
   sample.strains.insert(sample.strains.end(), more.strains.begin(), more.strains.end());
   sample.areas.insert(sample.areas.end(), more.areas.begin(), more.areas.end());
 }
 
-StrainRange strain_range(const StrainSample& sample, double outliers) {
+StrainRange strain_range(const ComponentSample& sample, double outliers) {
   if (sample.strains.empty()) throw Error("no strains to take the range of");
   std::vector<std::size_t> order(sample.strains.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

@@ -9,7 +9,7 @@
 namespace weft {
 
 /// Strains of elements (triangles, or springs) with the areas that they stand for, m^2.
-struct StrainSample {
+struct ComponentSample {
   std::vector<double> strains, areas;
 };
 
@@ -17,16 +17,16 @@ struct StrainSample {
 /// "membrane_vv", "membrane_shear", "bend_uu", "bend_vv", "bend_twist") over all computed frames of
 /// a trial, but for elements in the clips: the strain that a stiffness curve of it runs over, so
 /// magnitudes for the shear and the bends of sheets. Throws Error for another row or model.
-StrainSample component_strains(const MechanicalTrial& trial,
-                               const std::vector<MechanicalFrame>& frames, const Fabric& fabric,
-                               std::string_view row);
-void append(const StrainSample& more, StrainSample& sample);
+ComponentSample component_strains(const MechanicalTrial& trial,
+                                  const std::vector<MechanicalFrame>& frames, const Fabric& fabric,
+                                  std::string_view row);
+void append(const ComponentSample& more, ComponentSample& sample);
 
 struct StrainRange {
   double lower = 0, upper = 0;
 };
 /// Between the strains below and above which the part `outliers` of the area lies, [0, 0.5). Throws
 /// Error for an empty sample.
-StrainRange strain_range(const StrainSample& sample, double outliers = 0.02);
+StrainRange strain_range(const ComponentSample& sample, double outliers = 0.02);
 
 }  // namespace weft

@@ -343,7 +343,7 @@ class CurveFitter {
     if (trials.empty()) trials = group.trials;
     const auto frames =
         simulate_mechanical(trials, fabric_, MechanicalDerivatives::none, options_.threads);
-    StrainSample sample;
+    ComponentSample sample;
     for (std::size_t i = 0; i < trials.size(); ++i) {
       append(component_strains(*trials[i], frames[i], fabric_, row), sample);
       for (const ParameterTie& tie : tied_)
