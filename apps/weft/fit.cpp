@@ -14,6 +14,7 @@
 
 #include "command_line.h"
 #include "commands.h"
+#include "fit_curves.h"
 #include "mechanical.h"
 #include "mechanical_beside.h"
 #include "options.h"
@@ -56,6 +57,7 @@ struct Arguments {
   TrialArguments trial;
   MechanicalArguments mechanical;
   MechanicalFitArguments mechanical_fit;  // what only mechanical captures have
+  CurveFitArguments curves;
 };
 
 /// What both methods share, over the defaults of each.
@@ -400,6 +402,7 @@ void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   fit.parameters = arguments.parameters;
   fit.seed = arguments.seed;
   fit.overwrite = arguments.overwrite;
+  if (CurveFitArguments::given(command)) fit.curves = arguments.curves.options();
   run_mechanical_fit(fit);
 }
 
@@ -411,6 +414,7 @@ void run_by_kind(Arguments& arguments, const CLI::App& command) {
     run_mechanical(arguments, command);
     return;
   }
+  refuse_options(command, CurveFitArguments::names(), "videos");
   if (arguments.tests.empty()) {
     refuse_options(command, MechanicalArguments::names(), "videos");
     refuse_options(command, kMechanicalFitOptions, "videos");
@@ -491,6 +495,7 @@ void add_fit(CLI::App& app) {
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
   arguments->mechanical.add_to(*command);
+  arguments->curves.add_to(*command);
   MechanicalFitArguments& mechanical = arguments->mechanical_fit;
   command
       ->add_option(
@@ -510,7 +515,9 @@ void add_fit(CLI::App& app) {
       ->check(number_in(1e-9, 1))
       ->capture_default_str();
   command->footer(
-      "Example:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150");
+      "Examples:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150\n"
+      "  weft fit stretch_weft stretch_warp shear bend_weft bend_warp --out out/denim --model "
+      "stvk-diagonal --order incremental --subdivide");
   command->callback([arguments, command] {
     for (const char* name : {"--coarse", "--coarse-levels", "--coarse-frames"}) {
       if (arguments->method != "annealing" && command->count(name) > 0)

@@ -2,6 +2,7 @@
 #include <fmt/ranges.h>
 
 #include "command_line.h"
+#include "fit_curves.h"
 #include "mechanical.h"
 #include "report_of_fit.h"
 #include "report_of_mechanical.h"
@@ -29,6 +30,12 @@ Fabric start_fabric(const MechanicalFitArguments& arguments,
   return fabric;
 }
 
+std::vector<std::string> all_parameters(const Fabric& fabric) {
+  std::vector<std::string> names;
+  for (int i = 0; i < fabric.values.size(); ++i) names.emplace_back(fabric.info(i).name);
+  return names;
+}
+
 std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments,
                                          const Fabric& fabric) {
   for (const std::string& name : arguments.parameters) {
@@ -38,10 +45,7 @@ std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments
       throw Error(fmt::format("--parameters: {}", error.what()));
     }
   }
-  if (!arguments.parameters.empty()) return arguments.parameters;
-  std::vector<std::string> names;
-  for (int i = 0; i < fabric.values.size(); ++i) names.emplace_back(fabric.info(i).name);
-  return names;
+  return arguments.parameters.empty() ? all_parameters(fabric) : arguments.parameters;
 }
 
 /// The start with what --start asks for in place of the free values.
@@ -56,16 +60,31 @@ Fabric placed(const MechanicalProblem& problem, const Fabric& start,
   return problem.fabric(scaled);
 }
 
+/// What the start had at a control point: of a curve that was subdivided, its first value.
+double initial_value(const Fabric& start, std::string_view name) {
+  for (const ParameterInfo& row : model_parameters(start.model)) {
+    if (!name.starts_with(row.name) || start.value_count(row.name) == 0) continue;
+    const bool value_of_row =
+        name == row.name || (!row.curve_over.empty() && name.size() == row.name.size() + 2 &&
+                             name[row.name.size()] == '_');
+    if (!value_of_row) continue;
+    for (int i = 0; i < start.value_count(row.name); ++i)
+      if (start.info(start.first_value(row.name) + i).name == name) return start.value(name);
+    return start.values[start.first_value(row.name)];
+  }
+  return start.value(name);
+}
+
 /// Not free and at no bound until the intervals say so.
 ReportParameter held_parameter(const ParameterInfo& info, const MechanicalFitResult& fit) {
   ReportParameter p = report_parameter(info, fit.fabric, nullptr);
-  p.initial = fit.start.value(info.name);
+  p.initial = initial_value(fit.start, info.name);
   p.free = false;
   p.at_bound = ReportParameter::Bound::none;
   return p;
 }
 
-Report make_report(const MechanicalFitArguments& arguments, const MechanicalProblem& problem,
+Report make_report(const MechanicalFitArguments& arguments, const std::vector<std::string>& free,
                    const MechanicalFitResult& fit, const std::string& names) {
   Report report;
   report.title = fmt::format("Fit of {}", names);
@@ -92,8 +111,7 @@ Report make_report(const MechanicalFitArguments& arguments, const MechanicalProb
   for (int i = 0; i < fit.fabric.values.size(); ++i)
     report.parameters.push_back(held_parameter(fit.fabric.info(i), fit));
   for (ReportParameter& p : report.parameters) {
-    for (int i = 0; i < problem.dimension(); ++i)
-      if (problem.info(i).name == p.name) p.free = true;
+    p.free = std::find(free.begin(), free.end(), p.name) != free.end();
     for (const ParameterInterval& interval : fit.intervals) {
       if (interval.name != p.name) continue;
       p.determined = interval.determined;
@@ -117,7 +135,8 @@ Report make_report(const MechanicalFitArguments& arguments, const MechanicalProb
 
 /// result.json with one entry a capture under "mechanical".
 std::string result_text(const Report& report, const std::vector<MechanicalCapture>& captures,
-                        const std::vector<MechanicalEvaluation>& evaluations) {
+                        const std::vector<MechanicalEvaluation>& evaluations,
+                        const CurveFitResult& found) {
   nlohmann::json result = nlohmann::json::parse(result_to_json(report));
   nlohmann::json list = nlohmann::json::array();
   for (std::size_t i = 0; i < captures.size(); ++i) {
@@ -127,6 +146,7 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
     list.push_back(entry);
   }
   result["mechanical"] = list;
+  if (!found.stages.empty()) add_curves(found, result);
   return result.dump(2) + "\n";
 }
 
@@ -151,6 +171,37 @@ void print_result(const Report& report, const std::vector<MechanicalCapture>& ca
   for (const std::string& remark : report.remarks) fmt::print("warning: {}\n", remark);
 }
 
+/// One fit of all parameters, or one of curves where options of those were given; then the stages
+/// tell.
+CurveFitResult search(const MechanicalFitArguments& arguments,
+                      const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
+                      const Fabric& initial, const MechanicalCostOptions& cost) {
+  std::optional<Progress> progress;  // not before something was computed
+  const CurveFitObserver observer = [&](const std::string& stage, const MechanicalFitStep& step) {
+    if (!progress) progress.emplace("least squares", 0);
+    progress->update(step.evaluation,
+                     fmt::format("{}: error {:.4g}, best {:.4g}", stage, step.cost, step.best));
+    return !interrupted();
+  };
+  CurveFitResult result;
+  if (arguments.curves) {
+    const MechanicalProblem all(trials, initial, all_parameters(initial), cost, arguments.threads);
+    CurveFitOptions options = *arguments.curves;
+    options.cost = cost;
+    options.threads = arguments.threads;
+    result = fit_curves(trials, placed(all, initial, arguments), arguments.parameters, options,
+                        observer);
+  } else {
+    result.free = free_parameters(arguments, initial);
+    const MechanicalProblem problem(trials, initial, result.free, cost, arguments.threads);
+    result.fit =
+        fit_mechanical(problem, placed(problem, initial, arguments), {},
+                       [&](const MechanicalFitStep& step) { return observer("all", step); });
+  }
+  if (progress) progress->finish();
+  return result;
+}
+
 }  // namespace
 
 void run_mechanical_fit(const MechanicalFitArguments& arguments) {
@@ -172,16 +223,8 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   cost.residuals = mechanical_residuals_from_name(arguments.residuals);
   cost.force_noise = arguments.force_noise;
   cost.point_noise = arguments.point_noise;
-  const MechanicalProblem problem(trials, initial, free_parameters(arguments, initial), cost,
-                                  arguments.threads);
-  Progress progress("least squares", 0);
-  const MechanicalFitResult fit = fit_mechanical(
-      problem, placed(problem, initial, arguments), {}, [&](const MechanicalFitStep& step) {
-        progress.update(step.evaluation,
-                        fmt::format("error {:.4g}, best {:.4g}", step.cost, step.best));
-        return !interrupted();
-      });
-  progress.finish();
+  const CurveFitResult found = search(arguments, trials, initial, cost);
+  const MechanicalFitResult& fit = found.fit;
   write_fabric(out / "fabric.toml", fit.fabric);
   const auto frames =
       simulate_mechanical(trials, fit.fabric, MechanicalDerivatives::all, arguments.threads);
@@ -189,11 +232,12 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   for (std::size_t i = 0; i < trials.size(); ++i)
     evaluations.push_back(compare_mechanical(*trials[i], frames[i]));
   const Report report =
-      make_report(arguments, problem, fit, fmt::format("{}", fmt::join(names, ", ")));
-  write_text(out / "result.json", result_text(report, captures, evaluations));
+      make_report(arguments, found.free, fit, fmt::format("{}", fmt::join(names, ", ")));
+  write_text(out / "result.json", result_text(report, captures, evaluations, found));
   write_report_html(out / "report.html", report, {},
                     report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,
                                          fit.correlation));
+  fmt::print("{}", stage_lines(found));
   print_result(report, captures, evaluations);
   fmt::print("{}\n", (out / "report.html").string());
   if (report.stopped) throw CLI::RuntimeError(stopped_early);

@@ -2,10 +2,12 @@
 /// What the subcommands do with mechanical captures (kind = "mechanical").
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "options.h"
+#include "weft/estimate/curve_fit.h"
 #include "weft/estimate/mechanical_trial.h"
 
 namespace weft::app {
@@ -57,6 +59,7 @@ struct MechanicalFitArguments {
   bool overwrite = false;
   int threads = 0;
   MechanicalOptions options;
+  std::optional<CurveFitOptions> curves;  ///< `parameters` are rows then
 };
 void run_mechanical_fit(const MechanicalFitArguments& arguments);
 

@@ -5,7 +5,10 @@
 #include <string>
 
 #include "commands.h"
+#include "mechanical.h"
 #include "options.h"
+#include "synthesize_rig.h"
+#include "weft/base/error.h"
 #include "weft/estimate/synthetic.h"
 
 namespace weft::app {
@@ -19,7 +22,20 @@ struct Arguments {
   SyntheticOptions options;
   int grid = 37;
   bool overwrite = false;
+  RigArguments rig;
 };
+
+const std::vector<std::string> kVideoOptions{"--like", "--frames", "--grid", "--steps-per-frame",
+                                             "--start-shape"};
+
+void run_rig(const Arguments& arguments, const CLI::App& command) {
+  refuse_options(command, kVideoOptions, "--rig");
+  Fabric fabric = find_fabric(arguments.fabric);
+  if (command.count("--areal-density") > 0 || !fabric.areal_density)
+    fabric.areal_density = arguments.design.areal_density;
+  arguments.rig.run(fabric, arguments.out, arguments.options.with_noise, arguments.options.seed,
+                    arguments.overwrite ? Existing::overwrite : Existing::refuse);
+}
 
 void run(Arguments arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
@@ -44,7 +60,9 @@ void add_synthesize(CLI::App& app) {
   command->add_option("--out", arguments->out, "capture folder to write")->required();
   command->add_option("--like", arguments->layout,
                       "take rig, swatch and motion from this capture (default: a rig of its own)");
-  command->add_option("--areal-density", arguments->design.areal_density, "kg/m^2, without --like")
+  command
+      ->add_option("--areal-density", arguments->design.areal_density,
+                   "kg/m^2, without --like; with --rig the fabric's own unless given")
       ->check(number_in(1e-3, 10))
       ->capture_default_str();
   command->add_option("--frames", arguments->design.frame_count, "without --like")
@@ -65,8 +83,19 @@ void add_synthesize(CLI::App& app) {
       ->capture_default_str();
   command->add_flag("--no-noise{false}", arguments->options.with_noise, "a perfect sensor");
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
-  command->footer("Example:\n  weft synthesize --fabric satin --out out/satin_capture");
-  command->callback([arguments] { run(*arguments); });
+  arguments->rig.add_to(*command);
+  command->footer(
+      "Examples:\n  weft synthesize --fabric satin --out out/satin_capture\n"
+      "  weft synthesize --rig --fabric validation/fabrics/rig_denim.toml --out out/denim_rig");
+  command->callback([arguments, command] {
+    if (arguments->rig.wanted()) {
+      run_rig(*arguments, *command);
+      return;
+    }
+    for (const std::string& name : RigArguments::names())
+      if (command->count(name) > 0) throw Error(name + ": only with --rig");
+    run(*arguments);
+  });
 }
 
 }  // namespace weft::app

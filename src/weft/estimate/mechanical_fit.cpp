@@ -31,6 +31,12 @@ void check(const MechanicalCostOptions& options) {
     throw Error(fmt::format("point noise is {:g} m, must be above 0", options.point_noise));
 }
 
+/// The long side of a clip, where it is now.
+Vec3 along(const Clip& clip) {
+  const Vec2 size = clip.region.upper - clip.region.lower;
+  return clip.rotation * (size.x() >= size.y() ? Vec3::UnitX() : Vec3::UnitY());
+}
+
 }  // namespace
 
 MechanicalResiduals mechanical_residuals_from_name(std::string_view name) {
@@ -54,11 +60,12 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
     indices_.push_back(index);
   }
   if (indices_.empty()) throw Error("no parameters to search");
+  add_ties();
   for (const auto& trial : trials_) {
     std::size_t count = 0;
     if (uses_forces(*trial))
       for (const MechanicalFixture& fixture : trial->capture.fixtures)
-        count += at((!fixture.forces.array().isNaN()).count());
+        count += force_count(fixture);
     if (uses_points(*trial))
       for (const int stage : trial->stage_of_frame)
         count += 3 * at(std::count(trial->stages[at(stage)].point_held.begin(),
@@ -68,6 +75,28 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
                               trial->capture.name, uses_forces(*trial) ? "forces" : "points"));
     residual_count_ += count;
   }
+}
+
+void MechanicalProblem::add_ties() {
+  followers_.resize(indices_.size());
+  for (const ParameterTie& tie : options_.ties) {
+    const int follower = fabric_.value_index(tie.follower);
+    const auto leader =
+        std::find(indices_.begin(), indices_.end(), fabric_.value_index(tie.leader));
+    if (leader == indices_.end() ||
+        std::find(indices_.begin(), indices_.end(), follower) != indices_.end())
+      throw Error(
+          fmt::format("\"{}\" cannot follow \"{}\": the one must not be searched, the "
+                      "other must be",
+                      tie.follower, tie.leader));
+    followers_[at(leader - indices_.begin())].push_back(follower);
+  }
+}
+
+std::size_t MechanicalProblem::force_count(const MechanicalFixture& fixture) const {
+  const auto known = !fixture.forces.array().isNaN();
+  if (options_.forces == MechanicalForces::all) return at(known.count());
+  return at(known.colwise().all().count());
 }
 
 bool MechanicalProblem::uses_forces(const MechanicalTrial& trial) const {
@@ -91,8 +120,11 @@ VecX MechanicalProblem::scaled(const Fabric& fabric) const {
 
 Fabric MechanicalProblem::fabric(const VecX& scaled) const {
   Fabric fabric = fabric_;
-  for (int i = 0; i < dimension(); ++i)
-    fabric.values[indices_[at(i)]] = from_scaled(info(i), scaled[i]);
+  for (int i = 0; i < dimension(); ++i) {
+    const double value = from_scaled(info(i), scaled[i]);
+    fabric.values[indices_[at(i)]] = value;
+    for (const int follower : followers_[at(i)]) fabric.values[follower] = value;
+  }
   return fabric;
 }
 
@@ -114,6 +146,32 @@ bool MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivatives deriv
   return found.empty();
 }
 
+void MechanicalProblem::add_force_residuals(const MechanicalTrial& trial,
+                                            const MechanicalFrame& frame, Eigen::Index& count,
+                                            VecX& r, MatX* jacobian) const {
+  for (std::size_t c = 0; c < trial.capture.fixtures.size(); ++c) {
+    const MechanicalFixture& fixture = trial.capture.fixtures[c];
+    if (fixture.forces.cols() == 0) continue;
+    const Vec3 measured = fixture.forces.col(frame.frame);
+    const auto clip = static_cast<Eigen::Index>(c);
+    const auto add = [&](const Vec3& direction, double value) {
+      r[count] = (direction.dot(frame.forces.col(clip)) - value) / options_.force_noise;
+      if (jacobian)
+        jacobian->row(count) = direction.transpose() *
+                               frame.force_derivative.middleRows(3 * clip, 3) /
+                               options_.force_noise;
+      ++count;
+    };
+    if (options_.forces == MechanicalForces::along_clips) {
+      const Vec3 direction = along(fixture.frames[at(frame.frame)]);
+      if (!measured.hasNaN()) add(direction, direction.dot(measured));
+      continue;
+    }
+    for (int k = 0; k < 3; ++k)
+      if (!std::isnan(measured[k])) add(Vec3::Unit(k), measured[k]);
+  }
+}
+
 void MechanicalProblem::residuals(const MechanicalTrial& trial, const MechanicalFrame& frame,
                                   VecX& r, MatX* jacobian) const {
   const Eigen::Index parameters = fabric_.values.size();
@@ -122,30 +180,17 @@ void MechanicalProblem::residuals(const MechanicalTrial& trial, const Mechanical
   r.resize(most);
   if (jacobian) jacobian->resize(most, parameters);
   Eigen::Index count = 0;
-  const auto add = [&](double difference, double noise, const MatX& derivative, Eigen::Index row) {
-    r[count] = difference / noise;
-    if (jacobian) jacobian->row(count) = derivative.row(row) / noise;
-    ++count;
-  };
-  if (uses_forces(trial)) {
-    for (std::size_t c = 0; c < trial.capture.fixtures.size(); ++c) {
-      const Points& measured = trial.capture.fixtures[c].forces;
-      if (measured.cols() == 0) continue;
-      for (Eigen::Index k = 0; k < 3; ++k) {
-        const auto clip = static_cast<Eigen::Index>(c);
-        if (std::isnan(measured(k, frame.frame))) continue;
-        add(frame.forces(k, clip) - measured(k, frame.frame), options_.force_noise,
-            frame.force_derivative, 3 * clip + k);
-      }
-    }
-  }
+  if (uses_forces(trial)) add_force_residuals(trial, frame, count, r, jacobian);
   if (uses_points(trial)) {
     const Points& measured = trial.geometry->frames[at(frame.frame)];
     for (Eigen::Index i = 0; i < measured.cols(); ++i) {
       if (stage.point_held[at(i)]) continue;
-      for (Eigen::Index k = 0; k < 3; ++k)
-        add(frame.points(k, i) - measured(k, i), options_.point_noise, frame.point_derivative,
-            3 * i + k);
+      for (Eigen::Index k = 0; k < 3; ++k) {
+        r[count] = (frame.points(k, i) - measured(k, i)) / options_.point_noise;
+        if (jacobian)
+          jacobian->row(count) = frame.point_derivative.row(3 * i + k) / options_.point_noise;
+        ++count;
+      }
     }
   }
   r.conservativeResize(count);
@@ -182,7 +227,10 @@ MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled
   for (std::size_t t = 0; t < trials_.size(); ++t) {
     for (const MechanicalFrame& frame : frames[t]) {
       residuals(*trials_[t], frame, r, &all);
-      const MatX jacobian = all(Eigen::all, indices_) * slopes.asDiagonal();
+      MatX jacobian = all(Eigen::all, indices_);
+      for (int i = 0; i < dimension(); ++i)
+        for (const int follower : followers_[at(i)]) jacobian.col(i) += all.col(follower);
+      jacobian *= slopes.asDiagonal();
       CostPart part{t, frame.frame, 2 * factor * jacobian.transpose() * r,
                     2 * factor * jacobian.transpose() * jacobian};
       result.model.cost += factor * r.squaredNorm();
@@ -315,6 +363,22 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
   result.inexact = at_end.inexact;
   if (std::isfinite(at_end.model.cost))
     add_intervals(problem, found.x, at_end, options.confidence, result);
+  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
+}
+
+MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,
+                                      const MechanicalFitOptions& options) {
+  const auto begin = std::chrono::steady_clock::now();
+  MechanicalFitResult result;
+  const VecX x = problem.scaled(fabric);
+  result.start = result.fabric = problem.fabric(x);
+  const MechanicalProblem::Linearization found = problem.linearize(x);
+  result.cost_start = result.cost = found.model.cost;
+  result.evaluations = 1;
+  result.end = LeastSquaresEnd::small_step;
+  result.inexact = found.inexact;
+  if (std::isfinite(result.cost)) add_intervals(problem, x, found, options.confidence, result);
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

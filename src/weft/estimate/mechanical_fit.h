@@ -26,10 +26,25 @@ enum class MechanicalResiduals {
 /// "auto", "forces", "points", "both". Throws Error for another name.
 MechanicalResiduals mechanical_residuals_from_name(std::string_view name);
 
+/// Which components of a clip's force are compared.
+enum class MechanicalForces {
+  all,
+  /// That along the long side of the clip, where all three were measured: in an even shear it is of
+  /// the shear alone, while the one across is of the stretch (Miguel et al. 2012, section 5.1).
+  along_clips
+};
+
+/// A parameter that is not searched but has the value of one that is.
+struct ParameterTie {
+  std::string follower, leader;
+};
+
 struct MechanicalCostOptions {
   MechanicalResiduals residuals = MechanicalResiduals::automatic;
-  double force_noise = 3e-3;   ///< N, standard deviation of a component; > 0
-  double point_noise = 75e-6;  ///< m, of a coordinate; > 0
+  MechanicalForces forces = MechanicalForces::all;
+  std::vector<ParameterTie> ties;  ///< of parameters that are not free to ones that are
+  double force_noise = 3e-3;       ///< N, standard deviation of a component; > 0
+  double point_noise = 75e-6;      ///< m, of a coordinate; > 0
   /// N: a frame whose largest net force is above counts as without equilibrium.
   double largest_residual = 1e-5;
 };
@@ -62,7 +77,11 @@ class MechanicalProblem {
   Linearization linearize(const VecX& scaled) const;
 
  private:
+  void add_ties();
   bool uses_forces(const MechanicalTrial& trial) const;
+  std::size_t force_count(const MechanicalFixture& fixture) const;
+  void add_force_residuals(const MechanicalTrial& trial, const MechanicalFrame& frame,
+                           Eigen::Index& count, VecX& r, MatX* jacobian) const;
   bool uses_points(const MechanicalTrial& trial) const;
   bool simulate(const VecX& scaled, MechanicalDerivatives derivatives,
                 std::vector<std::vector<MechanicalFrame>>& frames, std::string* reason) const;
@@ -73,6 +92,7 @@ class MechanicalProblem {
   std::vector<std::shared_ptr<const MechanicalTrial>> trials_;
   Fabric fabric_;
   std::vector<int> indices_;
+  std::vector<std::vector<int>> followers_;  ///< of each free parameter
   MechanicalCostOptions options_;
   int threads_ = 0;
   std::size_t residual_count_ = 0;
@@ -116,5 +136,9 @@ using MechanicalFitObserver = std::function<bool(const MechanicalFitStep&)>;
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options = {},
                                    const MechanicalFitObserver& observer = {});
+
+/// No search: cost and intervals at `fabric`, as if a fit had ended there.
+MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,
+                                      const MechanicalFitOptions& options = {});
 
 }  // namespace weft

@@ -49,6 +49,7 @@ class SpringModel final : public ElasticModel {
     double area;    ///< m^2
     int slot;       ///< of block (b, a)
   };
+  const std::vector<Spring>& springs() const { return springs_; }
 
  private:
   TriangleMesh mesh_;

@@ -1,0 +1,120 @@
+#include "fit_curves.h"
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "mechanical.h"
+#include "weft/base/error.h"
+
+namespace weft::app {
+namespace {
+
+constexpr int kCurvePoints = 21;
+
+nlohmann::json numbers(const VecX& values) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const double value : values) list.push_back(json_number(value));
+  return list;
+}
+
+bool is_searched(const CurveFitResult& fit, const std::string& value) {
+  return std::find(fit.free.begin(), fit.free.end(), value) != fit.free.end();
+}
+
+}  // namespace
+
+const std::vector<std::string>& CurveFitArguments::names() {
+  static const std::vector<std::string> names{"--order", "--subdivide", "--points", "--linear",
+                                              "--isotropic"};
+  return names;
+}
+
+void CurveFitArguments::add_to(CLI::App& command) {
+  command
+      .add_option(
+          "--order", order_,
+          "mechanical captures: joint: all parameters to all captures at once; incremental: "
+          "stretch, shear, bend, diagonal bend, each from the captures that isolate it, and "
+          "once more")
+      ->check(CLI::IsMember({"joint", "incremental"}))
+      ->capture_default_str();
+  command.add_flag("--subdivide", subdivide_,
+                   "mechanical captures: stiffness curves, from one control point each to as many "
+                   "as lower the error by 1 % or more");
+  command
+      .add_option("--points", points_,
+                  "mechanical captures: most control points of a curve with --subdivide")
+      ->check(CLI::Range(1, StiffnessCurve::kMostKnots))
+      ->capture_default_str();
+  command.add_flag("--linear", linear_,
+                   "mechanical captures: one control point each, whatever --initial has");
+  command.add_flag("--isotropic", isotropic_,
+                   "mechanical captures: the warp has the stretch and bend of the weft");
+}
+
+bool CurveFitArguments::given(const CLI::App& command) {
+  for (const std::string& name : names())
+    if (command.count(name) > 0) return true;
+  return false;
+}
+
+CurveFitOptions CurveFitArguments::options() const {
+  if (subdivide_ && linear_) throw Error("--subdivide and --linear exclude each other");
+  CurveFitOptions options;
+  options.order = fit_order_from_name(order_);
+  if (subdivide_) options.shape = CurveShape::subdivided;
+  if (linear_) options.shape = CurveShape::linear;
+  if (isotropic_) options.symmetry = ThreadSymmetry::isotropic;
+  options.most_points = points_;
+  return options;
+}
+
+void add_curves(const CurveFitResult& fit, nlohmann::json& result) {
+  const Fabric& fabric = fit.fit.fabric;
+  nlohmann::json curves = nlohmann::json::object();
+  for (const ParameterInfo& info : model_parameters(fabric.model)) {
+    if (info.curve_over.empty() || fabric.value_count(info.name) < 2) continue;
+    const int first = fabric.first_value(info.name);
+    if (!is_searched(fit, std::string(fabric.info(first).name))) continue;
+    const StiffnessCurve curve = fabric.curve(info.name);
+    const VecX strains =
+        VecX::LinSpaced(kCurvePoints, curve.knots()[0], curve.knots()[curve.size() - 1]);
+    const CurveBand band = curve_band(fit.fit, info.name, strains);
+    curves[std::string(info.name)] = {{"unit", info.unit},
+                                      {"strain_unit", info.curve_over},
+                                      {"knots", numbers(curve.knots())},
+                                      {"values", numbers(curve.values())},
+                                      {"strain", numbers(strains)},
+                                      {"stiffness", numbers(band.stiffness)},
+                                      {"lower", numbers(band.lower)},
+                                      {"upper", numbers(band.upper)}};
+  }
+  result["curves"] = curves;
+  nlohmann::json stages = nlohmann::json::array();
+  for (const CurveFitStage& stage : fit.stages)
+    stages.push_back({{"name", stage.name},
+                      {"pass", stage.pass},
+                      {"points", stage.points},
+                      {"kept", stage.kept},
+                      {"error_initial", json_number(stage.cost_start)},
+                      {"error", json_number(stage.cost)},
+                      {"evaluations", stage.evaluations},
+                      {"wall_s", stage.wall_s}});
+  result["stages"] = stages;
+}
+
+std::string stage_lines(const CurveFitResult& fit) {
+  std::string text;
+  for (const CurveFitStage& stage : fit.stages)
+    text += fmt::format("{:<28} error {:>10.5g}, at its start {:>10.5g}; {} evaluations{}\n",
+                        stage.name, stage.cost, stage.cost_start, stage.evaluations,
+                        stage.kept ? "" : "; a point too many, not kept");
+  if (!fit.without_test.empty())
+    text += fmt::format("not searched, no capture isolates them: {}\n",
+                        fmt::join(fit.without_test, ", "));
+  return text;
+}
+
+}  // namespace weft::app

@@ -1,0 +1,68 @@
+#include "synthesize_rig.h"
+
+#include <fmt/core.h>
+
+#include <cmath>
+
+namespace weft::app {
+
+const std::vector<std::string>& RigArguments::names() {
+  static const std::vector<std::string> names{"--tests",         "--steps",          "--loops",
+                                              "--largest-force", "--largest-strain", "--cells",
+                                              "--threads"};
+  return names;
+}
+
+void RigArguments::add_to(CLI::App& command) {
+  command.add_flag("--rig", wanted_,
+                   "mechanical captures instead of a video, OUT/TEST for each of --tests: a square "
+                   "of 0.1 m between bars, on a table's edge and at its corners");
+  for (const RigTest test : rig_tests()) tests_.emplace_back(name_of(test));
+  command
+      .add_option("--tests", tests_,
+                  "with --rig: the first five are for fits, the others for evaluation")
+      ->check(CLI::IsMember(tests_))
+      ->capture_default_str();
+  command
+      .add_option("--steps", options_.steps,
+                  "with --rig: frames from rest to the largest load, and overhangs of a bend test")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  command.add_option("--loops", options_.loops, "with --rig: of loading and unloading")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  command
+      .add_option("--largest-force", options_.largest_force,
+                  "with --rig: on a bar, N, were the cloth strained evenly")
+      ->check(number_in(1e-3, 1e4))
+      ->capture_default_str();
+  command
+      .add_option("--largest-strain", options_.largest_strain,
+                  "with --rig: elongation at which a stretch ends before that force")
+      ->check(number_in(1e-4, 1))
+      ->capture_default_str();
+  command
+      .add_option("--cells", options_.mesh.cells,
+                  "with --rig: cells of the truth's mesh across the shortest free side")
+      ->check(CLI::Range(2, 200))
+      ->capture_default_str();
+  command.add_option("--threads", options_.threads, "with --rig: 0: one a core")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+}
+
+void RigArguments::run(const Fabric& fabric, const std::string& out, bool with_noise,
+                       std::uint64_t seed, Existing existing) const {
+  RigOptions options = options_;
+  options.seed = seed;
+  if (!with_noise) options.noise = {0, 0, 0, 0};
+  for (const std::string& test : tests_)
+    prepare_output_folder(std::filesystem::path(out) / test, {"capture.toml"}, existing);
+  for (const std::string& test : tests_) {
+    const MechanicalCapture made = make_rig_capture(std::filesystem::path(out) / test,
+                                                    rig_test_from_name(test), fabric, options);
+    fmt::print("{}: {} frames of {}\n", made.folder.string(), made.frame_count, fabric.name);
+  }
+}
+
+}  // namespace weft::app

@@ -1,0 +1,173 @@
+#include "weft/capture/mechanical_writer.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <array>
+#include <fstream>
+#include <numbers>
+
+#include "weft/base/error.h"
+#include "weft/mesh/mesh_io.h"
+
+namespace weft {
+namespace {
+
+constexpr std::string_view kClipsFile = "clips.csv";
+constexpr std::array<std::string_view, 7> kPose{"px", "py", "pz", "qw", "qx", "qy", "qz"};
+constexpr std::array<std::string_view, 3> kForce{"fx", "fy", "fz"};
+constexpr std::array<std::string_view, 4> kRegion{"u0", "v0", "u1", "v1"};
+
+std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
+
+void write_text(const std::filesystem::path& path, const std::string& text) {
+  std::ofstream stream(path, std::ios::binary);
+  stream << text;
+  stream.close();
+  if (!stream) throw error_at({path, 0, {}}, "cannot be written");
+}
+
+void make_folder(const std::filesystem::path& folder) {
+  std::error_code status;
+  std::filesystem::create_directories(folder, status);
+  if (status) throw error_at({folder, 0, {}}, "cannot be made: " + status.message());
+}
+
+/// A TOML basic string.
+std::string toml_string(std::string_view text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\')
+      (result += '\\') += c;
+    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+      result += fmt::format("\\u{:04x}", static_cast<unsigned>(static_cast<unsigned char>(c)));
+    else
+      result += c;
+  }
+  return result + '"';
+}
+
+std::string rectangle(const MaterialRectangle& r) {
+  return fmt::format("[[{}, {}], [{}, {}]]", r.lower.x(), r.lower.y(), r.upper.x(), r.upper.y());
+}
+
+bool region_changes(const MechanicalFixture& fixture) {
+  for (const Clip& clip : fixture.frames)
+    if (!(clip.region == fixture.frames.front().region)) return true;
+  return false;
+}
+
+/// Names of the columns of fixture `i`; a fixture's own name need not be one.
+template <std::size_t n>
+std::vector<std::string> names(std::size_t i, const std::array<std::string_view, n>& what) {
+  std::vector<std::string> result;
+  for (const std::string_view name : what) result.push_back(fmt::format("clip{}_{}", i, name));
+  return result;
+}
+
+std::string quoted(const std::vector<std::string>& names) {
+  return fmt::format("[\"{}\"]", fmt::join(names, "\", \""));
+}
+
+std::string fixture_text(const MechanicalFixture& fixture, std::size_t i) {
+  std::string text = "\n[[fixture]]\nname = " + toml_string(fixture.name) + "\nkind = \"bar\"\n";
+  text += "region = " + rectangle(fixture.frames.front().region) + "  # m\n";
+  text += fmt::format("motion = \"{}\"\n", kClipsFile);
+  text += "columns = " + quoted(names(i, kPose)) + "\n";
+  if (fixture.forces.cols() > 0) text += "force_columns = " + quoted(names(i, kForce)) + "\n";
+  if (region_changes(fixture)) text += "region_columns = " + quoted(names(i, kRegion)) + "\n";
+  return text;
+}
+
+std::string head_text(const MechanicalCapture& capture) {
+  std::string text = "format = \"weft-capture\"\nversion = 1\nkind = \"mechanical\"\n";
+  text += "name = " + toml_string(capture.name) + "\n";
+  text += "description = " + toml_string(capture.description) + "\n";
+  text +=
+      fmt::format("\n[swatch]\nwidth = {}  # m\nheight = {}  # m\n", capture.width, capture.height);
+  text += fmt::format("areal_density = {}  # kg/m^2\n", capture.areal_density);
+  text += fmt::format("grain_angle_deg = {}\n", capture.grain_angle * 180 / std::numbers::pi);
+  text += fmt::format("\n[world]\ngravity = [{}, {}, {}]  # m/s^2\n", capture.gravity.x(),
+                      capture.gravity.y(), capture.gravity.z());
+  return text + fmt::format("\n[frames]\ncount = {}\n", capture.frame_count);
+}
+
+std::string table_text(const MechanicalCapture& capture) {
+  std::vector<std::string> header{"frame"};
+  const auto add = [&](const std::vector<std::string>& more) {
+    header.insert(header.end(), more.begin(), more.end());
+  };
+  for (std::size_t i = 0; i < capture.fixtures.size(); ++i) {
+    add(names(i, kPose));
+    if (capture.fixtures[i].forces.cols() > 0) add(names(i, kForce));
+    if (region_changes(capture.fixtures[i])) add(names(i, kRegion));
+  }
+  std::string text = fmt::format("{}\n", fmt::join(header, ","));
+  for (int frame = 0; frame < capture.frame_count; ++frame) {
+    text += fmt::format("{}", frame);
+    for (const MechanicalFixture& fixture : capture.fixtures) {
+      const Clip& clip = fixture.frames[at(frame)];
+      const Vec3& p = clip.position;
+      const Eigen::Quaterniond& q = clip.rotation;
+      text += fmt::format(",{},{},{},{},{},{},{}", p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z());
+      if (fixture.forces.cols() > 0) {
+        const Vec3 f = fixture.forces.col(frame);
+        text += fmt::format(",{},{},{}", f.x(), f.y(), f.z());
+      }
+      if (region_changes(fixture)) {
+        const MaterialRectangle& r = clip.region;
+        text += fmt::format(",{},{},{},{}", r.lower.x(), r.lower.y(), r.upper.x(), r.upper.y());
+      }
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string write_geometry(const std::filesystem::path& folder, const MeasuredGeometry& geometry) {
+  Points flat = Points::Zero(3, geometry.mesh.vertex_count());
+  flat.topRows<2>() = geometry.mesh.material;
+  write_obj(folder / "rest.obj", geometry.mesh, flat, "measured points; vt = (u, v) in m");
+  write_pc2(folder / "points.pc2", {.frames = geometry.frames});
+  return "\n[geometry]\nrest_mesh = \"rest.obj\"\npoints = \"points.pc2\"\n";
+}
+
+void check(const std::filesystem::path& folder, const MechanicalCapture& capture,
+           const MechanicalFiles& files) {
+  const auto refuse = [&](const std::string& what) { throw error_at({folder, 0, {}}, what); };
+  for (const MechanicalFixture& fixture : capture.fixtures) {
+    if (fixture.frames.size() != at(capture.frame_count))
+      refuse(fmt::format("fixture \"{}\" has {} frames; the capture has {}", fixture.name,
+                         fixture.frames.size(), capture.frame_count));
+    if (fixture.forces.cols() > 0 && fixture.forces.cols() != capture.frame_count)
+      refuse(fmt::format("fixture \"{}\" has forces at {} frames; the capture has {}", fixture.name,
+                         fixture.forces.cols(), capture.frame_count));
+    if (!fixture.forces.allFinite())
+      refuse(fmt::format("fixture \"{}\": a force component is not finite", fixture.name));
+  }
+  if (files.geometry && files.geometry->frames.size() != at(capture.frame_count))
+    refuse(
+        fmt::format("{} shapes for {} frames", files.geometry->frames.size(), capture.frame_count));
+}
+
+}  // namespace
+
+void write_mechanical_capture(const std::filesystem::path& folder, const MechanicalCapture& capture,
+                              const MechanicalFiles& files) {
+  check(folder, capture, files);
+  make_folder(folder);
+  std::string text = head_text(capture);
+  for (std::size_t i = 0; i < capture.fixtures.size(); ++i)
+    text += fixture_text(capture.fixtures[i], i);
+  if (files.geometry) text += write_geometry(folder, *files.geometry);
+  if (!files.truth.empty()) {
+    make_folder(folder / "truth");
+    write_text(folder / "truth/parameters.toml", files.truth);
+    text += "\n[truth]\nparameters = \"truth/parameters.toml\"\n";
+  }
+  write_text(folder / kClipsFile, table_text(capture));
+  // Last: a folder with a capture.toml is a whole capture.
+  write_text(folder / "capture.toml", text);
+}
+
+}  // namespace weft

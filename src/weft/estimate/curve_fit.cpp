@@ -1,0 +1,484 @@
+#include "weft/estimate/curve_fit.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "weft/base/error.h"
+#include "weft/estimate/component_strains.h"
+
+namespace weft {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/// Of the start, where that has no equilibrium.
+constexpr std::array<double, 5> kFactors{1, 10, 0.1, 100, 0.01};
+constexpr double kNoWeight = 1e-9;  // of a control value in a band
+
+using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
+using Tests = std::vector<IsolatedStrain>;
+
+/// A step of the incremental order and the tests that its rows are found from.
+enum class Step { weft_stretch, warp_stretch, coupling, shear, weft_bend, warp_bend, diagonal };
+struct StepInfo {
+  Step step;
+  std::string_view name;
+  std::vector<std::string_view> prefixes;  ///< of its rows
+  Tests tests;
+};
+const std::vector<StepInfo>& steps() {
+  using enum IsolatedStrain;
+  static const std::vector<StepInfo> list{
+      {Step::weft_stretch, "weft_stretch", {"weft_stretch", "membrane_uu"}, {weft_stretch}},
+      {Step::warp_stretch, "warp_stretch", {"warp_stretch", "membrane_vv"}, {warp_stretch}},
+      {Step::coupling,
+       "coupling",
+       {"stretch_coupling", "membrane_uv"},
+       {weft_stretch, warp_stretch}},
+      {Step::shear, "shear", {"shear", "membrane_shear"}, {shear}},
+      {Step::weft_bend, "weft_bend", {"weft_bend", "bend_uu"}, {weft_bend}},
+      {Step::warp_bend, "warp_bend", {"warp_bend", "bend_vv"}, {warp_bend}},
+      {Step::diagonal,
+       "diagonal_bend",
+       {"diagonal_bend", "bend_twist", "bend_uv"},
+       {weft_bend, warp_bend}}};
+  return list;
+}
+
+const StepInfo* step_of(std::string_view row) {
+  for (const StepInfo& step : steps())
+    for (const std::string_view prefix : step.prefixes)
+      if (row.starts_with(prefix)) return &step;
+  return nullptr;
+}
+
+/// What an isotropic fabric has the same of: the row along the warp for one along the weft; empty
+/// for others.
+std::string partner_of(std::string_view row) {
+  if (row.starts_with("weft_")) return "warp" + std::string(row.substr(4));
+  if (row == "membrane_uu") return "membrane_vv";
+  if (row == "bend_uu") return "bend_vv";
+  return {};
+}
+
+const ParameterInfo& row_info(const Fabric& fabric, std::string_view row) {
+  return model_parameters(
+      fabric.model)[static_cast<std::size_t>(parameter_index(fabric.model, row))];
+}
+bool may_be_curve(const Fabric& fabric, std::string_view row) {
+  return !row_info(fabric, row).curve_over.empty();
+}
+
+std::vector<std::string> value_names(const Fabric& fabric, std::string_view row) {
+  std::vector<std::string> names;
+  const int first = fabric.first_value(row);
+  for (int i = 0; i < fabric.value_count(row); ++i) names.emplace_back(fabric.info(first + i).name);
+  return names;
+}
+
+void check(const CurveFitOptions& options) {
+  if (options.most_points < 1 || options.most_points > StiffnessCurve::kMostKnots)
+    throw Error(fmt::format("control points of a curve: {}, must be in [1, {}]",
+                            options.most_points, StiffnessCurve::kMostKnots));
+  if (!(options.least_reduction >= 0 && options.least_reduction < 1))
+    throw Error(fmt::format("least reduction by a control point is {:g}, must be in [0, 1)",
+                            options.least_reduction));
+  if (options.passes < 1) throw Error(fmt::format("passes: {}, must be 1 or more", options.passes));
+  if (!options.cost.ties.empty()) throw Error("ties of a curve fit follow from its symmetry");
+}
+
+class CurveFitter {
+ public:
+  CurveFitter(const Trials& trials, const Fabric& start, const std::vector<std::string>& rows,
+              const CurveFitOptions& options, const CurveFitObserver& observer)
+      : trials_(trials), fabric_(start), rows_(rows), options_(options), observer_(observer) {
+    check(options);
+    for (const auto& trial : trials) tests_.push_back(isolated_strain(trial->capture));
+    choose_rows();
+    shape_start();
+  }
+
+  CurveFitResult run() {
+    const auto begin = std::chrono::steady_clock::now();
+    if (options_.order == FitOrder::incremental)
+      incremental();
+    else
+      joint();
+    const Fabric start = fabric_at_start_;
+    CurveFitResult result = std::move(result_);
+    const std::vector<MechanicalFitStep> history = std::move(result.fit.history);
+    const std::size_t evaluations = result.fit.evaluations;
+    const Group all = everything();
+    result.fit = assess_mechanical(problem(all, fabric_), fabric_, options_.fit);
+    result.fit.cost_start = problem(all, start).cost(problem(all, start).scaled(start));
+    result.fit.start = start;
+    result.fit.history = history;
+    result.fit.evaluations += evaluations + 1;
+    result.fit.end = stopped_ ? LeastSquaresEnd::stopped : LeastSquaresEnd::small_reduction;
+    result.fit.wall_s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    result.free = names(all.rows, fabric_);
+    return result;
+  }
+
+ private:
+  /// What is fitted together.
+  struct Group {
+    std::string name;
+    std::vector<std::string> rows;
+    Trials trials;
+    MechanicalForces forces = MechanicalForces::all;
+  };
+
+  // The start.
+
+  void choose_rows() {
+    if (rows_.empty()) {
+      for (const ParameterInfo& info : model_parameters(fabric_.model))
+        if (fabric_.value_count(info.name) > 0) rows_.emplace_back(info.name);
+    }
+    for (const std::string& row : rows_) {
+      if (fabric_.value_count(row) == 0)  // throws for a row that the model does not know
+        throw Error(fmt::format("\"{}\" is left out of fabric \"{}\"", row, fabric_.name));
+      if (options_.order == FitOrder::incremental && !step_of(row))
+        throw Error(
+            fmt::format("\"{}\" of model \"{}\" has no place in the incremental order; use a joint "
+                        "fit",
+                        row, fabric_.model));
+    }
+    if (options_.symmetry == ThreadSymmetry::isotropic) tie_rows();
+    if (options_.order == FitOrder::incremental) drop_rows_without_test();
+    if (rows_.empty()) throw Error("no parameters to search: no capture isolates one of them");
+  }
+
+  void tie_rows() {
+    std::vector<std::string> followers;
+    for (const std::string& row : rows_) {
+      const std::string partner = partner_of(row);
+      if (partner.empty() || fabric_.value_count(partner) == 0) continue;
+      tied_.push_back({partner, row});
+      followers.push_back(partner);
+    }
+    std::erase_if(rows_, [&](const std::string& row) {
+      return std::find(followers.begin(), followers.end(), row) != followers.end();
+    });
+    for (const std::string& row : rows_)
+      if (row.starts_with("warp_") || row.ends_with("_vv"))
+        throw Error(
+            fmt::format("\"{}\" follows the weft in an isotropic fabric, which is not "
+                        "searched",
+                        row));
+  }
+
+  void drop_rows_without_test() {
+    std::erase_if(rows_, [&](const std::string& row) {
+      if (!trials_for(row).empty()) return false;
+      result_.without_test.push_back(row);
+      return true;
+    });
+  }
+
+  void shape_start() {
+    for (const std::string& row : rows_) {
+      const bool flatten = options_.shape != CurveShape::as_given && may_be_curve(fabric_, row) &&
+                           fabric_.value_count(row) > 1;
+      if (!flatten) continue;
+      const StiffnessCurve curve = fabric_.curve(row);
+      const double middle = 0.5 * (curve.knots()[0] + curve.knots()[curve.size() - 1]);
+      fabric_.set_curve(row, StiffnessCurve(curve.stiffness(middle)));
+    }
+    for (const ParameterTie& tie : tied_) copy_to_follower(tie, fabric_);
+    fabric_at_start_ = fabric_;
+  }
+
+  static void copy_to_follower(const ParameterTie& tie, Fabric& fabric) {
+    if (may_be_curve(fabric, tie.leader))
+      fabric.set_curve(tie.follower, fabric.curve(tie.leader));
+    else
+      fabric.set(tie.follower, fabric.value(tie.leader));
+  }
+
+  // Groups.
+
+  Trials trials_for(const std::string& row) const {
+    const StepInfo* step = step_of(row);
+    Trials found;
+    if (!step) return found;
+    Tests wanted = step->tests;
+    for (const ParameterTie& tie : tied_) {
+      if (tie.leader != row) continue;
+      const Tests& more = step_of(tie.follower)->tests;
+      wanted.insert(wanted.end(), more.begin(), more.end());
+    }
+    for (std::size_t i = 0; i < trials_.size(); ++i)
+      if (std::find(wanted.begin(), wanted.end(), tests_[i]) != wanted.end())
+        found.push_back(trials_[i]);
+    return found;
+  }
+
+  Group everything() const { return {"all", rows_, trials_, MechanicalForces::all}; }
+
+  std::vector<Group> groups() const {
+    std::vector<Group> result;
+    for (const StepInfo& step : steps()) {
+      Group group{std::string(step.name), {}, {}, MechanicalForces::all};
+      for (const std::string& row : rows_)
+        if (step_of(row)->step == step.step) group.rows.push_back(row);
+      if (group.rows.empty()) continue;
+      group.trials = trials_for(group.rows.front());
+      if (step.step == Step::shear) group.forces = MechanicalForces::along_clips;
+      if (step.step == Step::coupling)  // found with what it is coupled to
+        for (const std::string& row : rows_)
+          if (step_of(row)->step == Step::weft_stretch || step_of(row)->step == Step::warp_stretch)
+            group.rows.push_back(row);
+      result.push_back(std::move(group));
+    }
+    return result;
+  }
+
+  std::vector<std::string> names(const std::vector<std::string>& rows, const Fabric& fabric) const {
+    std::vector<std::string> result;
+    for (const std::string& row : rows)
+      for (std::string& name : value_names(fabric, row)) result.push_back(std::move(name));
+    return result;
+  }
+
+  MechanicalProblem problem(const Group& group, const Fabric& fabric) const {
+    MechanicalCostOptions cost = options_.cost;
+    cost.forces = group.forces;
+    for (const ParameterTie& tie : tied_) {
+      if (std::find(group.rows.begin(), group.rows.end(), tie.leader) == group.rows.end()) continue;
+      const auto leaders = value_names(fabric, tie.leader),
+                 followers = value_names(fabric, tie.follower);
+      for (std::size_t i = 0; i < leaders.size(); ++i)
+        cost.ties.push_back({followers[i], leaders[i]});
+    }
+    return {group.trials, fabric, names(group.rows, fabric), cost, options_.threads};
+  }
+
+  // Fits.
+
+  MechanicalFitResult fit(const Group& group, const Fabric& from, const std::string& name) {
+    const MechanicalProblem p = problem(group, from);
+    const MechanicalFitObserver observer = [&](const MechanicalFitStep& step) {
+      if (observer_ && !observer_(name, step)) stopped_ = true;
+      return !stopped_;
+    };
+    const VecX scaled = p.scaled(from);
+    for (const double factor : kFactors) {
+      VecX x = scaled;
+      for (int i = 0; i < p.dimension(); ++i)
+        if (p.info(i).scale == Scale::logarithmic)
+          x[i] = std::clamp(to_scaled(p.info(i), factor * from_scaled(p.info(i), scaled[i])), 0.0,
+                            1.0);
+      try {
+        return fit_mechanical(p, p.fabric(x), options_.fit, observer);
+      } catch (const Error&) {
+        if (factor == kFactors.back()) throw;
+      }
+    }
+    return {};
+  }
+
+  /// A fit from `from`, noted as a stage.
+  MechanicalFitResult stage(const Group& group, const Fabric& from, int pass, int points) {
+    const std::string name =
+        points > 1 ? fmt::format("{}, {} points", group.name, points) : group.name;
+    MechanicalFitResult found = fit(group, from, name);
+    result_.stages.push_back(
+        {name, pass, points, true, found.cost_start, found.cost, found.evaluations, found.wall_s});
+    for (MechanicalFitStep step : found.history) {
+      step.evaluation += result_.fit.evaluations;
+      result_.fit.history.push_back(step);
+    }
+    result_.fit.evaluations += found.evaluations;
+    return found;
+  }
+
+  void fit_group(const Group& group, int pass) {
+    int points = 1;
+    for (const std::string& row : group.rows)
+      points = std::max(points, may_be_curve(fabric_, row) ? fabric_.value_count(row) : 1);
+    const MechanicalFitResult found = stage(group, fabric_, pass, points);
+    fabric_ = found.fabric;
+    if (options_.shape == CurveShape::subdivided && pass == 1) subdivide(group, found.cost);
+  }
+
+  /// One more control point each, as long as it pays.
+  void subdivide(const Group& group, double cost) {
+    for (int points = 2; points <= options_.most_points && !stopped_; ++points) {
+      Fabric finer = fabric_;
+      if (!place_points(group, points, finer)) return;
+      const MechanicalFitResult found = stage(group, finer, 1, points);
+      result_.stages.back().kept = cost - found.cost >= options_.least_reduction * cost;
+      if (!result_.stages.back().kept) return;
+      cost = found.cost;
+      fabric_ = found.fabric;
+    }
+  }
+
+  /// Equidistant over the strains that occur. False where no row of the group takes any.
+  bool place_points(const Group& group, int points, Fabric& fabric) const {
+    bool placed = false;
+    for (const std::string& row : group.rows) {
+      if (!may_be_curve(fabric, row)) continue;
+      const StrainRange range = occurring(group, row);
+      if (!(range.upper > range.lower)) continue;
+      const VecX knots = VecX::LinSpaced(points, range.lower, range.upper);
+      fabric.set_curve(row, fabric.curve(row).resampled(knots));
+      for (const ParameterTie& tie : tied_)
+        if (tie.leader == row) copy_to_follower(tie, fabric);
+      placed = true;
+    }
+    return placed;
+  }
+
+  StrainRange occurring(const Group& group, const std::string& row) const {
+    Trials trials = trials_for(row);
+    if (trials.empty()) trials = group.trials;
+    const auto frames =
+        simulate_mechanical(trials, fabric_, MechanicalDerivatives::none, options_.threads);
+    ComponentSample sample;
+    for (std::size_t i = 0; i < trials.size(); ++i) {
+      append(component_strains(*trials[i], frames[i], fabric_, row), sample);
+      for (const ParameterTie& tie : tied_)
+        if (tie.leader == row)
+          append(component_strains(*trials[i], frames[i], fabric_, tie.follower), sample);
+    }
+    return strain_range(sample);
+  }
+
+  void incremental() {
+    for (int pass = 1; pass <= options_.passes; ++pass)
+      for (const Group& group : groups())
+        if (!stopped_) fit_group(group, pass);
+  }
+  void joint() { fit_group(everything(), 1); }
+
+  const Trials& trials_;
+  Tests tests_;  ///< one a trial
+  Fabric fabric_, fabric_at_start_;
+  std::vector<std::string> rows_;
+  std::vector<ParameterTie> tied_;  ///< rows
+  const CurveFitOptions& options_;
+  const CurveFitObserver& observer_;
+  CurveFitResult result_;
+  bool stopped_ = false;
+};
+
+/// Green strain of the affine map nearest to where a frame's clips have their corners, along the
+/// threads: (E_uu, E_vv, 2 E_uv).
+Vec3 strain_of_clips(const std::vector<Clip>& clips, double grain_angle) {
+  const auto count = static_cast<Eigen::Index>(4 * clips.size());
+  Eigen::MatrixX3d from(count, 3);
+  Eigen::MatrixX3d to(count, 3);
+  Eigen::Index k = 0;
+  for (const Clip& clip : clips) {
+    for (int corner = 0; corner < 4; ++corner, ++k) {
+      const Vec2 uv(corner % 2 ? clip.region.upper.x() : clip.region.lower.x(),
+                    corner / 2 ? clip.region.upper.y() : clip.region.lower.y());
+      from.row(k) << uv.x(), uv.y(), 1;
+      to.row(k) = clip.place(uv);
+    }
+  }
+  const Mat3 map = from.colPivHouseholderQr().solve(to).transpose();
+  const Eigen::Matrix<double, 3, 2> f =
+      map.leftCols<2>() * Eigen::Rotation2Dd(grain_angle).toRotationMatrix();
+  return {0.5 * (f.col(0).squaredNorm() - 1), 0.5 * (f.col(1).squaredNorm() - 1),
+          f.col(0).dot(f.col(1))};
+}
+
+/// From the clip to the side on which most free cloth lies, in material coordinates.
+Vec2 overhang_direction(const MaterialRectangle& held, const Vec2& size) {
+  const std::array<double, 4> free{size.x() - held.upper.x(), held.lower.x(),
+                                   size.y() - held.upper.y(), held.lower.y()};
+  const auto most = std::max_element(free.begin(), free.end()) - free.begin();
+  return most < 2 ? Vec2::UnitX() : Vec2::UnitY();
+}
+
+}  // namespace
+
+FitOrder fit_order_from_name(std::string_view name) {
+  if (name == "joint") return FitOrder::joint;
+  if (name == "incremental") return FitOrder::incremental;
+  throw Error(fmt::format("order \"{}\" is not known; known: joint, incremental", name));
+}
+
+std::string_view name_of(IsolatedStrain strain) {
+  constexpr std::array<std::string_view, 5> kNames{"weft stretch", "warp stretch", "shear",
+                                                   "weft bend", "warp bend"};
+  return kNames[static_cast<std::size_t>(strain)];
+}
+
+IsolatedStrain isolated_strain(const MechanicalCapture& capture) {
+  if (capture.fixtures.size() == 1) {
+    const Vec2 direction = Eigen::Rotation2Dd(-capture.grain_angle) *
+                           overhang_direction(capture.fixtures[0].frames.back().region,
+                                              Vec2(capture.width, capture.height));
+    return std::abs(direction.x()) >= std::abs(direction.y()) ? IsolatedStrain::weft_bend
+                                                              : IsolatedStrain::warp_bend;
+  }
+  Vec3 most = Vec3::Zero();
+  for (int frame = 0; frame < capture.frame_count; ++frame)
+    most = most.cwiseMax(strain_of_clips(capture.clips(frame), capture.grain_angle).cwiseAbs());
+  if (most[2] >= most[0] && most[2] >= most[1]) return IsolatedStrain::shear;
+  return most[0] >= most[1] ? IsolatedStrain::weft_stretch : IsolatedStrain::warp_stretch;
+}
+
+CurveFitResult fit_curves(const Trials& trials, const Fabric& start,
+                          const std::vector<std::string>& rows, const CurveFitOptions& options,
+                          const CurveFitObserver& observer) {
+  return CurveFitter(trials, start, rows, options, observer).run();
+}
+
+CurveBand curve_band(const MechanicalFitResult& fit, std::string_view row, const VecX& strains) {
+  const StiffnessCurve curve = fit.fabric.curve(row);
+  const int first = fit.fabric.first_value(row), count = curve.size();
+  std::vector<Eigen::Index> places;  // among the intervals
+  for (int j = 0; j < count; ++j)
+    for (std::size_t i = 0; i < fit.intervals.size(); ++i)
+      if (fit.intervals[i].name == fit.fabric.info(first + j).name)
+        places.push_back(static_cast<Eigen::Index>(i));
+  const bool searched = static_cast<int>(places.size()) == count;
+  CurveBand band{strains, VecX(strains.size()), {}, {}};
+  band.lower = band.upper = VecX(strains.size());
+  VecX slopes(count);
+  for (Eigen::Index s = 0; s < strains.size(); ++s) {
+    const double k = curve.stiffness(strains[s]);
+    band.stiffness[s] = band.lower[s] = band.upper[s] = k;
+    if (!searched) continue;
+    curve.stiffness_by_values(strains[s], slopes);
+    VecX way(count);  // of log k, by each control value's half width
+    bool bounded = true;
+    for (int j = 0; j < count; ++j) {
+      const ParameterInfo info = fit.fabric.info(first + j);
+      const ParameterInterval& interval =
+          fit.intervals[static_cast<std::size_t>(places[static_cast<std::size_t>(j)])];
+      const double weight = slopes[j] * curve.values()[j] / k;
+      way[j] = std::abs(weight) > kNoWeight
+                   ? weight * interval.half_width * std::log(info.upper / info.lower)
+                   : 0;
+      bounded = bounded && (interval.determined || way[j] == 0);
+    }
+    double square = 0;
+    for (int i = 0; i < count; ++i)
+      for (int j = 0; j < count; ++j) {
+        const double c = i == j ? 1
+                                : fit.correlation(places[static_cast<std::size_t>(i)],
+                                                  places[static_cast<std::size_t>(j)]);
+        // Where it is not known, as if both went wrong together.
+        square += std::isnan(c) ? std::abs(way[i] * way[j]) : c * way[i] * way[j];
+      }
+    const double half = bounded ? std::sqrt(std::max(0.0, square)) : kInfinity;
+    band.lower[s] = k * std::exp(-half);
+    band.upper[s] = k * std::exp(half);
+  }
+  return band;
+}
+
+}  // namespace weft

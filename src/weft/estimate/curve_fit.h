@@ -1,0 +1,96 @@
+#pragma once
+/// Fits of stiffness curves to mechanical tests that isolate one strain each (Miguel et al. 2012,
+/// sections 5.2 and 6): component by component or all at once, with curves that are subdivided as
+/// far as the measurement asks for it, in four variants.
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "weft/estimate/mechanical_fit.h"
+
+namespace weft {
+
+enum class FitOrder {
+  joint,  ///< all parameters to all captures at once
+  /// Weft and warp stretch, then shear (by the forces along the clips), then weft and warp bend,
+  /// then the diagonal bend, each from the captures that isolate it; then once more.
+  incremental
+};
+/// "joint", "incremental". Throws Error for another name.
+FitOrder fit_order_from_name(std::string_view name);
+
+enum class CurveShape {
+  as_given,   ///< the control points of the start
+  linear,     ///< one control point each: the curves of the start at the middle of their knots
+  subdivided  ///< from one control point to as many as pay
+};
+enum class ThreadSymmetry {
+  orthotropic,
+  isotropic  ///< warp has the values of weft, in stretch and bend
+};
+
+/// The strain that a test exercises most.
+enum class IsolatedStrain { weft_stretch, warp_stretch, shear, weft_bend, warp_bend };
+std::string_view name_of(IsolatedStrain strain);
+/// By the motion of the clips alone. A single clip: a bend along the threads nearest to the
+/// direction in which most free cloth lies. Otherwise the largest component, over all frames, of
+/// the Green strain (twice its off-diagonal) of the affine map nearest to the clips' corners.
+IsolatedStrain isolated_strain(const MechanicalCapture& capture);
+
+struct CurveFitOptions {
+  FitOrder order = FitOrder::incremental;
+  CurveShape shape = CurveShape::as_given;
+  ThreadSymmetry symmetry = ThreadSymmetry::orthotropic;
+  int most_points = 5;            ///< control points of a subdivided curve, 1 to 8
+  double least_reduction = 0.01;  ///< of the cost, that one more control point must bring; [0, 1)
+  int passes = 2;                 ///< of the incremental order, >= 1
+  MechanicalCostOptions cost;     ///< without ties; `forces` is chosen by the order
+  MechanicalFitOptions fit;
+  int threads = 0;
+};
+
+/// One least-squares fit on the way.
+struct CurveFitStage {
+  std::string name;  ///< "shear", "weft_bend, 3 points", "all"
+  int pass = 1;
+  int points = 1;     ///< control points of its curve
+  bool kept = false;  ///< false: the point too many, whose reduction was too small
+  double cost_start = 0, cost = 0;
+  std::size_t evaluations = 0;
+  double wall_s = 0;
+};
+
+struct CurveFitResult {
+  /// Of all captures and all free parameters together: the cost is the joint one whatever the
+  /// order, its start infinite where `start` has no equilibrium; the history is that of all stages
+  /// one after the other, each with its own cost.
+  MechanicalFitResult fit;
+  std::vector<std::string> free;  ///< parameters of the intervals
+  std::vector<CurveFitStage> stages;
+  /// Rows that were asked for, but that no capture isolates (incremental order).
+  std::vector<std::string> without_test;
+};
+
+/// After each evaluation, with the name of the stage; false stops.
+using CurveFitObserver = std::function<bool(const std::string&, const MechanicalFitStep&)>;
+
+/// Fits `rows` (of the model's table; a curve's values all together; empty: all that `start` has).
+/// Where the start of a stage has no equilibrium its parameters are tried at 10, 1/10, 100 and
+/// 1/100 times their values. Throws Error where none has, for rows that are not there, for a model
+/// without components along the threads if the order is incremental, and options out of range.
+CurveFitResult fit_curves(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
+                          const Fabric& start, const std::vector<std::string>& rows,
+                          const CurveFitOptions& options = {},
+                          const CurveFitObserver& observer = {});
+
+/// A stiffness curve with its band.
+struct CurveBand {
+  VecX strains, stiffness, lower, upper;
+};
+/// At `strains`, from the intervals of the control values and their correlation: to first order the
+/// logarithm of k moves by the sum of (dk/dk_j) k_j / k times that of k_j. Where an interval is
+/// missing or not determined the band reaches from 0 to infinity; a row that was not searched has
+/// none (lower = upper = stiffness). Throws Error for a row that may not be a curve.
+CurveBand curve_band(const MechanicalFitResult& fit, std::string_view row, const VecX& strains);
+
+}  // namespace weft

@@ -1,0 +1,244 @@
+/// Fits of stiffness curves, component by component.
+#include "weft/estimate/curve_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "common/gradient_check.h"
+#include "common/temporary_folder.h"
+#include "weft/base/error.h"
+#include "weft/estimate/component_strains.h"
+#include "weft/estimate/mechanical_rig.h"
+
+namespace weft {
+namespace {
+
+using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
+
+/// The truth of these tests is on the fit's own mesh: what is asked is whether the search ends
+/// there.
+MechanicalOptions coarse_mesh() {
+  MechanicalOptions options;
+  options.cells = 3;
+  return options;
+}
+
+RigOptions small_rig() {
+  RigOptions options;
+  options.steps = 3;
+  options.point_lines = 6;
+  options.mesh = coarse_mesh();
+  options.noise = {0, 0, 0, 0};
+  return options;
+}
+
+Fabric nonlinear_fabric() {
+  Fabric fabric = Fabric::with_defaults("test", "stvk-diagonal");
+  fabric.areal_density = 0.2;
+  fabric.set_curve("weft_stretch", {VecX::LinSpaced(3, 0, 0.2), Vec3(300, 500, 900)});
+  fabric.set_curve("warp_stretch", {VecX::LinSpaced(2, 0, 0.3), Vec2(150, 300)});
+  fabric.set_curve("shear", {VecX::LinSpaced(2, 0, 0.6), Vec2(30, 50)});
+  fabric.set("weft_bend", 8e-5);
+  fabric.set("warp_bend", 3e-5);
+  return fabric;
+}
+
+std::shared_ptr<const MechanicalTrial> trial_of(const std::filesystem::path& folder, RigTest test,
+                                                const Fabric& fabric) {
+  return prepare_mechanical(
+      make_rig_capture(folder / std::string(name_of(test)), test, fabric, small_rig()),
+      coarse_mesh());
+}
+
+TEST(IsolatedStrain, IsWhatTheClipsDo) {
+  using enum IsolatedStrain;
+  const IsolatedStrain expected[] = {weft_stretch, warp_stretch, shear, weft_bend, warp_bend};
+  for (std::size_t i = 0; i < 5; ++i) {
+    MechanicalCapture capture = rig_layout(rig_fit_tests()[i], nonlinear_fabric(), small_rig());
+    EXPECT_EQ(isolated_strain(capture), expected[i]);
+    // A quarter turn of the threads changes weft and warp; of bias strips the shear is the most.
+    capture.grain_angle = M_PI / 2;
+    const IsolatedStrain turned[] = {warp_stretch, weft_stretch, shear, warp_bend, weft_bend};
+    EXPECT_EQ(isolated_strain(capture), turned[i]);
+    if (i >= 2) continue;
+    capture.grain_angle = M_PI / 4;
+    EXPECT_EQ(isolated_strain(capture), shear);
+  }
+}
+
+TEST(FitCurves, IncrementalOrderFindsCurvesFromStartsWrongByTen) {
+  const test::TemporaryFolder folder;
+  const Fabric truth = nonlinear_fabric();
+  Trials trials;
+  for (const RigTest test :
+       {RigTest::weft_stretch, RigTest::warp_stretch, RigTest::shear, RigTest::warp_bend})
+    trials.push_back(trial_of(folder.path(), test, truth));
+  Fabric start = Fabric::with_defaults("start", "stvk-diagonal");
+  start.set("weft_stretch", 5000);
+  start.set("warp_stretch", 20);
+  start.set("shear", 350);
+  start.set("weft_bend", 8e-5);
+  start.set("warp_bend", 3e-4);
+  CurveFitOptions options;
+  options.shape = CurveShape::subdivided;
+  options.most_points = 3;
+  options.passes = 1;
+  const std::vector<std::string> rows{"weft_stretch", "warp_stretch", "shear", "warp_bend"};
+  const CurveFitResult found = fit_curves(trials, start, rows, options);
+  EXPECT_LT(found.fit.cost, 1e-3 * found.fit.cost_start);
+  EXPECT_GE(found.fit.fabric.value_count("weft_stretch"), 2);
+  EXPECT_EQ(found.fit.fabric.value_count("diagonal_bend"), 1);
+  EXPECT_EQ(found.free.size(), found.fit.intervals.size());
+  EXPECT_TRUE(found.without_test.empty());
+  const std::pair<const char*, double> places[] = {
+      {"weft_stretch", 0.15}, {"warp_stretch", 0.25}, {"shear", 0.2}};
+  for (const auto& [row, strain] : places) {
+    const double expected = truth.curve(row).stiffness(strain);
+    // The knots of the truth are elsewhere.
+    EXPECT_NEAR(found.fit.fabric.curve(row).stiffness(strain), expected, 0.03 * expected) << row;
+  }
+  const double curvature = 1 / 0.03, bend = truth.value("warp_bend");
+  EXPECT_NEAR(found.fit.fabric.curve("warp_bend").stiffness(curvature), bend, 0.03 * bend);
+}
+
+TEST(FitCurves, VariantsHaveFewerNumbers) {
+  const test::TemporaryFolder folder;
+  const Fabric truth = nonlinear_fabric();
+  const Trials trials{trial_of(folder.path(), RigTest::weft_stretch, truth),
+                      trial_of(folder.path(), RigTest::warp_stretch, truth)};
+  const std::vector<std::string> rows{"weft_stretch", "warp_stretch", "shear"};
+  CurveFitOptions options;
+  options.passes = 1;
+  options.shape = CurveShape::linear;
+  const CurveFitResult linear = fit_curves(trials, truth, rows, options);
+  EXPECT_EQ(linear.free, (std::vector<std::string>{"weft_stretch", "warp_stretch"}));
+  EXPECT_EQ(linear.without_test, std::vector<std::string>{"shear"});
+  EXPECT_EQ(linear.fit.fabric.value_count("shear"), 2);  // not searched: as it was
+
+  options.symmetry = ThreadSymmetry::isotropic;
+  const CurveFitResult both = fit_curves(trials, truth, rows, options);
+  EXPECT_EQ(both.free, std::vector<std::string>{"weft_stretch"});
+  const double k = both.fit.fabric.value("weft_stretch");
+  EXPECT_EQ(both.fit.fabric.value("warp_stretch"), k);
+  // Between the two, and the worse for it.
+  EXPECT_GT(k, linear.fit.fabric.value("warp_stretch"));
+  EXPECT_LT(k, linear.fit.fabric.value("weft_stretch"));
+  EXPECT_GT(both.fit.cost, 2 * linear.fit.cost);
+
+  options.shape = CurveShape::subdivided;
+  options.order = FitOrder::joint;
+  options.most_points = 2;
+  const CurveFitResult curves =
+      fit_curves(trials, truth, {"weft_stretch", "warp_stretch"}, options);
+  EXPECT_EQ(curves.fit.fabric.curve("warp_stretch").values(),
+            curves.fit.fabric.curve("weft_stretch").values());
+  EXPECT_LE(curves.fit.cost, both.fit.cost * 1.0001);
+}
+
+TEST(FitCurves, RefusesWhatMeansNothing) {
+  const test::TemporaryFolder folder;
+  const Fabric fabric = nonlinear_fabric();
+  const Trials trials{trial_of(folder.path(), RigTest::weft_stretch, fabric)};
+  EXPECT_THROW(fit_curves(trials, fabric, {"shear"}), Error);  // no test
+  EXPECT_THROW(fit_curves(trials, fabric, {"weft_stretch_1"}), Error);
+  CurveFitOptions options;
+  options.most_points = 9;
+  EXPECT_THROW(fit_curves(trials, fabric, {}, options), Error);
+  options = {};
+  options.symmetry = ThreadSymmetry::isotropic;
+  EXPECT_THROW(fit_curves(trials, fabric, {"warp_stretch"}, options), Error);
+  EXPECT_THROW(fit_curves(trials, Fabric::with_defaults("t", "piecewise-linear"), {}), Error);
+  EXPECT_THROW(fit_order_from_name("backwards"), Error);
+}
+
+TEST(MechanicalProblem, GradientWithTiesAndForcesAlongClips) {
+  const test::TemporaryFolder folder;
+  Fabric fabric = nonlinear_fabric();
+  fabric.set_curve("warp_stretch", fabric.curve("weft_stretch"));
+  const Trials trials{trial_of(folder.path(), RigTest::shear, fabric)};
+  Fabric wrong = fabric;
+  wrong.values.head<8>() *= 1.3;
+  MechanicalCostOptions options;
+  options.forces = MechanicalForces::along_clips;
+  options.ties = {{"warp_stretch_2", "weft_stretch_2"}};
+  const MechanicalProblem problem(trials, wrong, {"weft_stretch_2", "shear_2"}, options);
+  EXPECT_EQ(problem.residual_count(),
+            4u * static_cast<std::size_t>(trials[0]->capture.frame_count));
+  const VecX x = problem.scaled(wrong);
+  EXPECT_EQ(problem.fabric(x).value("warp_stretch_2"), problem.fabric(x).value("weft_stretch_2"));
+  const VecX numeric =
+      testing::numeric_gradient([&](const VecX& at) { return problem.cost(at); }, x, 1e-4);
+  // Equilibria to 1e-7 N of some newtons, with forces in units of 3 mN.
+  EXPECT_TRUE(testing::near(problem.linearize(x).model.gradient, numeric, 1e-4));
+
+  options.ties = {{"weft_stretch_2", "shear_2"}};  // searched itself
+  EXPECT_THROW(MechanicalProblem(trials, wrong, {"weft_stretch_2", "shear_2"}, options), Error);
+}
+
+/// A weft that is pulled to 1.2 times its length and sheared by nothing.
+TEST(ComponentStrains, OfAnEvenStretch) {
+  MechanicalCapture capture = rig_layout(RigTest::weft_stretch, nonlinear_fabric(), small_rig());
+  const auto trial = prepare_mechanical(capture, coarse_mesh());
+  MechanicalFrame frame;
+  const MaterialPoints& uv = trial->stages[0].mesh.material;
+  frame.x = Points::Zero(3, uv.cols());
+  frame.x.row(0) = 1.2 * uv.row(0);
+  frame.x.row(1) = uv.row(1);
+  const std::pair<const char*, double> expected[] = {
+      {"stvk-diagonal", 0.5 * (1.44 - 1)}, {"soft-constraints", 0.2}, {"springs", 0.2}};
+  for (const auto& [model, strain] : expected) {
+    const Fabric fabric = Fabric::with_defaults("test", model);
+    const ComponentSample weft = component_strains(*trial, {frame}, fabric, "weft_stretch");
+    const StrainRange range = strain_range(weft);
+    EXPECT_NEAR(range.lower, strain, 1e-12) << model;
+    EXPECT_NEAR(range.upper, strain, 1e-12) << model;
+    EXPECT_NEAR(strain_range(component_strains(*trial, {frame}, fabric, "warp_stretch")).upper, 0,
+                1e-12);
+    EXPECT_NEAR(strain_range(component_strains(*trial, {frame}, fabric, "warp_bend")).upper, 0,
+                1e-9);
+  }
+  EXPECT_THROW(component_strains(*trial, {frame}, nonlinear_fabric(), "membrane_uu"), Error);
+}
+
+TEST(StrainRange, LeavesOutOutliersByArea) {
+  const ComponentSample sample{{5, 1, 2, 3, -9}, {1, 40, 40, 18, 1}};
+  const StrainRange range = strain_range(sample, 0.02);
+  EXPECT_EQ(range.lower, 1);
+  EXPECT_EQ(range.upper, 3);
+  EXPECT_EQ(strain_range(sample, 0).upper, 5);
+  EXPECT_THROW(strain_range({}), Error);
+}
+
+TEST(CurveBand, FollowsTheIntervalsOfTheControlValues) {
+  MechanicalFitResult fit;
+  fit.fabric = nonlinear_fabric();
+  const ParameterInfo info = fit.fabric.info(fit.fabric.value_index("shear_1"));
+  const double range = std::log(info.upper / info.lower);
+  for (const char* name : {"shear_1", "shear_2"}) {
+    ParameterInterval interval;
+    interval.name = name;
+    interval.half_width = 0.1 / range;  // 10 %, in the logarithm
+    fit.intervals.push_back(interval);
+  }
+  const VecX strains = Vec3(0, 0.15, 0.3);
+  // k = 30 + 10 s / 0.3: at the ends one value alone, in the middle 15/35 and 20/35 of both.
+  fit.fabric.set_curve("shear", {Vec2(0, 0.3), Vec2(30, 40)});
+  fit.correlation = MatX::Identity(2, 2);
+  CurveBand band = curve_band(fit, "shear", strains);
+  EXPECT_NEAR(band.upper[0], 30 * std::exp(0.1), 1e-9);
+  EXPECT_NEAR(band.lower[2], 40 * std::exp(-0.1), 1e-9);
+  EXPECT_NEAR(band.upper[1], 35 * std::exp(0.1 * std::hypot(15.0, 20.0) / 35), 1e-9);
+  fit.correlation.setOnes();
+  EXPECT_NEAR(curve_band(fit, "shear", strains).upper[1], 35 * std::exp(0.1), 1e-9);
+
+  fit.intervals[1].determined = false;
+  band = curve_band(fit, "shear", strains);
+  EXPECT_TRUE(std::isfinite(band.upper[0]));
+  EXPECT_TRUE(std::isinf(band.upper[2]));
+  band = curve_band(fit, "weft_stretch", strains);  // not searched
+  EXPECT_EQ(band.upper, band.stiffness);
+}
+
+}  // namespace
+}  // namespace weft

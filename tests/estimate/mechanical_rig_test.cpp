@@ -1,0 +1,151 @@
+/// The synthetic rig: what it is told to do, its forces and its noise.
+#include "weft/estimate/mechanical_rig.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "common/temporary_folder.h"
+#include "weft/base/error.h"
+
+namespace weft {
+namespace {
+
+Fabric soft_fabric() {
+  Fabric fabric = Fabric::with_defaults("soft", "stvk-diagonal");
+  fabric.areal_density = 0.2;
+  fabric.set("weft_stretch", 200);
+  fabric.set("warp_stretch", 400);
+  fabric.set("shear", 30);
+  return fabric;
+}
+
+RigOptions small_rig() {
+  RigOptions options;
+  options.steps = 2;
+  options.point_lines = 5;
+  options.mesh.cells = 5;
+  return options;
+}
+
+RigOptions without_noise(RigOptions options) {
+  options.noise = {0, 0, 0, 0};
+  return options;
+}
+
+TEST(RigLayout, LoadsAndUnloadsThroughTheSameFrames) {
+  RigOptions options = small_rig();
+  options.loops = 2;
+  const MechanicalCapture capture = rig_layout(RigTest::warp_stretch, soft_fabric(), options);
+  ASSERT_EQ(capture.frame_count, 9);  // 0, 1/2, 1, 1, 1/2, 1/2, 1, 1, 1/2
+  const auto& top = capture.fixtures[1].frames;
+  EXPECT_EQ(top[1].position, top[4].position);
+  EXPECT_EQ(top[2].position, top[3].position);
+  EXPECT_EQ(top[2].position, top[7].position);
+  // 10 N on 0.1 m: 100 N/m at a strain of 0.25, found in steps of 0.0003.
+  EXPECT_NEAR(top[2].position.y() - top[0].position.y(), 0.5 * 0.25 * 0.09, 0.5 * 0.0003 * 0.09);
+}
+
+TEST(RigLayout, AllTestsHaveClipsThatFit) {
+  for (const RigTest test : rig_tests()) {
+    EXPECT_EQ(rig_test_from_name(name_of(test)), test);
+    const MechanicalCapture capture = rig_layout(test, soft_fabric(), small_rig());
+    EXPECT_NO_THROW(prepare_mechanical(capture, small_rig().mesh)) << name_of(test);
+  }
+  EXPECT_THROW(rig_test_from_name("pull"), Error);
+}
+
+// Strained evenly, the cloth of 90 mm would answer with its stiffness times the width; the bars
+// keep it from contracting, which it would not do anyway (no Poisson effect), and gravity adds its
+// weight.
+TEST(SimulateRig, ForceOfAStretchIsThatOfAnEvenStrain) {
+  const RigMeasurement made =
+      simulate_rig(RigTest::weft_stretch, soft_fabric(), without_noise(small_rig()));
+  const double elongation = 0.3;
+  const double green = elongation + 0.5 * elongation * elongation;
+  const double expected = (1 + elongation) * 200 * green * 0.1;
+  const Vec3 force = made.capture.fixtures[1].forces.col(2);
+  EXPECT_NEAR(force.x(), expected, 2e-3 * expected);  // a sag of a millimetre
+  EXPECT_NEAR(force.z(), 0.5 * 0.2 * 9.81 * 0.01, 1e-6);
+  EXPECT_EQ(made.capture.fixtures[1].forces.col(1), made.capture.fixtures[1].forces.col(4));
+}
+
+TEST(SimulateRig, FrictionOfTheCordsIsALoop) {
+  RigOptions options = without_noise(small_rig());
+  options.noise.cord_friction = 0.1;
+  const RigMeasurement made = simulate_rig(RigTest::weft_stretch, soft_fabric(), options);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Points& forces = made.capture.fixtures[i].forces;
+    // The one bar moves along -x, the other along +x; at rest there is none.
+    for (const int up : {1, 2}) {  // and down again at frames 4 and 3
+      const Vec3 loop = forces.col(up) - forces.col(5 - up);
+      EXPECT_NEAR((loop - Vec3(i == 0 ? -0.1 : 0.1, 0, 0)).norm(), 0, 1e-12);
+    }
+    EXPECT_EQ(forces.col(0), made.true_forces[i].col(0));
+  }
+}
+
+TEST(SimulateRig, NoiseIsAsStated) {
+  RigOptions options = small_rig();
+  options.steps = 1;
+  options.loops = 1;
+  options.point_lines = 40;
+  const RigMeasurement exact =
+      simulate_rig(RigTest::weft_stretch, soft_fabric(), without_noise(options));
+  options.noise.cord_friction = 0;
+  const RigMeasurement noisy = simulate_rig(RigTest::weft_stretch, soft_fabric(), options);
+  double squares = 0;
+  for (std::size_t k = 0; k < 3; ++k)
+    squares += (noisy.geometry.frames[k] - exact.geometry.frames[k]).squaredNorm();
+  const double count = 3 * 3 * 1600;
+  // The standard deviation of a standard deviation from n numbers: 1 / sqrt(2 n).
+  EXPECT_NEAR(std::sqrt(squares / count), 75e-6, 75e-6 * 4 / std::sqrt(2 * count));
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Points error = noisy.capture.fixtures[i].forces - noisy.true_forces[i];
+    EXPECT_LT(error.cwiseAbs().maxCoeff(), 5 * 3e-3);
+    EXPECT_GT(error.norm(), 1e-3);
+    EXPECT_LT((noisy.capture.fixtures[i].frames[0].position -
+               exact.capture.fixtures[i].frames[0].position)
+                  .cwiseAbs()
+                  .maxCoeff(),
+              5 * 12.5e-6);
+  }
+  const RigMeasurement again = simulate_rig(RigTest::weft_stretch, soft_fabric(), options);
+  EXPECT_EQ(again.capture.fixtures[0].forces, noisy.capture.fixtures[0].forces);
+  EXPECT_EQ(again.geometry.frames[1], noisy.geometry.frames[1]);
+}
+
+TEST(MakeRigCapture, IsAMechanicalCapture) {
+  const test::TemporaryFolder folder;
+  const MechanicalCapture capture =
+      make_rig_capture(folder.path() / "bend", RigTest::warp_bend, soft_fabric(), small_rig());
+  EXPECT_EQ(capture.name, "soft_bend_warp");
+  ASSERT_EQ(capture.fixtures.size(), 1u);
+  EXPECT_EQ(capture.fixtures[0].forces.cols(), 0);
+  EXPECT_NEAR(capture.fixtures[0].frames[1].region.upper.y(), 0.02, 1e-12);
+  const MeasuredGeometry geometry = read_geometry(capture);
+  EXPECT_EQ(geometry.mesh.vertex_count(), 25);
+  EXPECT_LT(geometry.frames[1].row(2).minCoeff(), -0.01);  // hangs over the edge
+  // What made it explains it.
+  const auto trial = prepare_mechanical(capture, small_rig().mesh);
+  const auto frames = simulate_mechanical({trial}, read_fabric(*capture.truth));
+  EXPECT_LT(compare_mechanical(*trial, frames[0]).distance.rms, 3e-4);
+}
+
+TEST(RigLayout, RefusesWhatItCannotPlan) {
+  Fabric fabric = soft_fabric();
+  RigOptions options = small_rig();
+  options.steps = 0;
+  EXPECT_THROW(rig_layout(RigTest::shear, fabric, options), Error);
+  options = small_rig();
+  options.largest_overhang = 0.1;
+  EXPECT_THROW(rig_layout(RigTest::weft_bend, fabric, options), Error);
+  fabric.areal_density.reset();
+  EXPECT_THROW(rig_layout(RigTest::shear, fabric, small_rig()), Error);
+  Fabric table = Fabric::with_defaults("table", "piecewise-linear");
+  table.areal_density = 0.2;
+  EXPECT_THROW(rig_layout(RigTest::shear, table, small_rig()), Error);
+}
+
+}  // namespace
+}  // namespace weft

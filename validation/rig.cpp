@@ -1,0 +1,283 @@
+/// Fits to captures of the computed rig, whose fabrics are known: how well the curves of the
+/// generating model come back from starts wrong by a factor of 10, how the fit predicts the tests
+/// that it did not see, the two orders of fitting beside each other, and what other models and
+/// simpler variants leave as residual.
+///
+///     weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME]
+///                       [--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N]
+///                       [--uniform] [--no-noise]
+///
+/// Captures are made in OUT where they are not there yet, of the fabrics validation/fabrics/rig_*.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "weft/base/error.h"
+#include "weft/estimate/component_strains.h"
+#include "weft/estimate/curve_fit.h"
+#include "weft/estimate/mechanical_rig.h"
+
+namespace weft {
+namespace {
+
+const std::vector<std::string> kRows{"weft_stretch", "warp_stretch", "shear",
+                                     "weft_bend",    "warp_bend",    "diagonal_bend"};
+constexpr double kOutliers = 0.02;
+/// Of springs, whose bends mean nothing on another mesh, N/m.
+constexpr double kSpringBend = 100;
+
+struct Arguments {
+  std::filesystem::path out;
+  std::vector<std::string> parts;
+  std::vector<std::string> fabrics{"knit", "satin", "denim", "blend"};
+  std::vector<std::string> models{"stvk-diagonal", "soft-constraints", "springs"};
+  MechanicalOptions options;
+  RigOptions rig;
+  int starts = 1;
+  int threads = 0;
+  bool has(const std::string& part) const {
+    return std::find(parts.begin(), parts.end(), part) != parts.end();
+  }
+};
+
+struct Start {
+  const char* name;
+  double membrane, bend;
+};
+constexpr Start kStarts[] = {
+    {"all x 10", 10, 10}, {"all / 10", 0.1, 0.1}, {"membrane x 10, bends / 10", 10, 0.1}};
+
+struct Variant {
+  const char* name;
+  CurveShape shape;
+  ThreadSymmetry symmetry;
+};
+constexpr Variant kVariants[] = {
+    {"nonlinear orthotropic", CurveShape::subdivided, ThreadSymmetry::orthotropic},
+    {"linear", CurveShape::linear, ThreadSymmetry::orthotropic},
+    {"isotropic", CurveShape::subdivided, ThreadSymmetry::isotropic},
+    {"linear and isotropic", CurveShape::linear, ThreadSymmetry::isotropic}};
+
+using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
+
+Fabric true_fabric(const std::string& name) {
+  return read_fabric(fmt::format("validation/fabrics/rig_{}.toml", name));
+}
+
+std::shared_ptr<const MechanicalTrial> trial_of(const Arguments& arguments,
+                                                const std::string& fabric, RigTest test) {
+  const std::filesystem::path folder = arguments.out / fabric / std::string(name_of(test));
+  if (!std::filesystem::exists(folder / "capture.toml"))
+    make_rig_capture(folder, test, true_fabric(fabric), arguments.rig);
+  return prepare_mechanical(read_mechanical_capture(folder), arguments.options);
+}
+
+Trials fit_trials(const Arguments& arguments, const std::string& fabric) {
+  Trials trials;
+  for (const RigTest test : rig_fit_tests()) trials.push_back(trial_of(arguments, fabric, test));
+  return trials;
+}
+
+double middle(const StiffnessCurve& curve) {
+  return curve.stiffness(0.5 * (curve.knots()[0] + curve.knots()[curve.size() - 1]));
+}
+
+/// One number a component: the truth's at the middle of its knots, times the start's factor.
+Fabric wrong_fabric(const Fabric& truth, const std::string& model, const Start& start) {
+  Fabric fabric = Fabric::with_defaults(truth.name, model);
+  fabric.areal_density = truth.areal_density;
+  for (const std::string& row : kRows) {
+    const bool bend = row.ends_with("bend");
+    const double value = bend && model == "springs" ? kSpringBend : middle(truth.curve(row));
+    fabric.set(row, value * (bend ? start.bend : start.membrane));
+  }
+  return fabric;
+}
+
+/// The strains of the isolating test, at the truth.
+ComponentSample occurring(const Trials& trials,
+                          const std::vector<std::vector<MechanicalFrame>>& frames,
+                          const Fabric& truth, std::size_t row) {
+  if (row < 5) return component_strains(*trials[row], frames[row], truth, kRows[row]);
+  ComponentSample sample = component_strains(*trials[3], frames[3], truth, kRows[row]);
+  append(component_strains(*trials[4], frames[4], truth, kRows[row]), sample);
+  return sample;
+}
+
+void compare_curves(const Arguments& arguments, const Trials& trials, const Fabric& truth,
+                    const CurveFitResult& found) {
+  const auto frames =
+      simulate_mechanical(trials, truth, MechanicalDerivatives::none, arguments.threads);
+  fmt::print("  {:<14} {:>6} {:>22} {:>26} {:>8} {:>8} {:>8}  {}\n", "component", "points",
+             "strains", "stiffness at the ends", "rms (%)", "max (%)", "stress", "band");
+  for (std::size_t i = 0; i < kRows.size(); ++i) {
+    const ComponentSample sample = occurring(trials, frames, truth, i);
+    const StrainRange range = strain_range(sample, kOutliers);
+    const StiffnessCurve expected = truth.curve(kRows[i]), curve = found.fit.fabric.curve(kRows[i]);
+    double squares = 0, area = 0, most = 0, stress = 0, largest_stress = 0;
+    for (std::size_t k = 0; k < sample.strains.size(); ++k) {
+      const double c = sample.strains[k];
+      if (c < range.lower || c > range.upper) continue;
+      const double error = curve.stiffness(c) / expected.stiffness(c) - 1;
+      squares += sample.areas[k] * error * error;
+      area += sample.areas[k];
+      most = std::max(most, std::abs(error));
+      stress = std::max(stress, std::abs(error * expected.stiffness(c) * c));
+      largest_stress = std::max(largest_stress, std::abs(expected.stiffness(c) * c));
+    }
+    const CurveBand band =
+        curve_band(found.fit, kRows[i], VecX::LinSpaced(41, range.lower, range.upper));
+    int held = 0;
+    for (Eigen::Index k = 0; k < band.strains.size(); ++k) {
+      const double k_true = expected.stiffness(band.strains[k]);
+      if (band.lower[k] <= k_true && k_true <= band.upper[k]) ++held;
+    }
+    const Eigen::Index last = band.strains.size() - 1, half = last / 2;
+    fmt::print(
+        "  {:<14} {:>6} {:>10.4g} to {:>8.4g} {:>12.5g} to {:>10.5g} {:>8.2f} {:>8.2f} "
+        "{:>8.2f}  holds {:.0f} %, {:+.1f} % in the middle\n",
+        kRows[i], curve.size(), range.lower, range.upper, curve.stiffness(range.lower),
+        curve.stiffness(range.upper), 100 * std::sqrt(squares / area), 100 * most,
+        100 * stress / largest_stress, 100.0 * held / static_cast<double>(last + 1),
+        100 * (band.upper[half] / band.stiffness[half] - 1));
+  }
+}
+
+void print_tests(const Arguments& arguments, const std::string& fabric, const Fabric& found) {
+  for (const RigTest test : rig_tests()) {
+    const auto trial = trial_of(arguments, fabric, test);
+    const auto frames =
+        simulate_mechanical({trial}, found, MechanicalDerivatives::none, arguments.threads);
+    const MechanicalEvaluation e = compare_mechanical(*trial, frames[0]);
+    fmt::print("  {:<14}", name_of(test));
+    if (e.force_count > 0)
+      fmt::print(" force rms {:>8.4f} N, {:>6.2f} % of {:.3f} N;", e.force_rms,
+                 100 * e.force_relative, e.largest_force);
+    fmt::print(" points rms {:.3f} mm, at most {:.3f} mm", 1e3 * e.distance.rms,
+               1e3 * e.distance.max);
+    if (e.not_converged > 0) fmt::print("; {} frames without equilibrium", e.not_converged);
+    fmt::print("\n");
+  }
+  std::fflush(stdout);
+}
+
+double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const Fabric& start,
+                         const CurveFitOptions& options, const std::string& title) {
+  const double before = cpu_seconds();
+  CurveFitOptions chosen = options;
+  chosen.threads = arguments.threads;
+  CurveFitResult found = fit_curves(trials, start, kRows, chosen);
+  fmt::print("\n{}: error {:.5g} (start {:.4g}), {} evaluations, {:.0f} s, {:.0f} s of CPU\n",
+             title, found.fit.cost, found.fit.cost_start, found.fit.evaluations, found.fit.wall_s,
+             cpu_seconds() - before);
+  std::fflush(stdout);
+  return found;
+}
+
+void print_stages(const CurveFitResult& found) {
+  for (const CurveFitStage& stage : found.stages)
+    fmt::print("    pass {} {:<26} {:>12.5g} -> {:>10.5g}  {:>3} evaluations {:>6.1f} s{}\n",
+               stage.pass, stage.name, stage.cost_start, stage.cost, stage.evaluations,
+               stage.wall_s, stage.kept ? "" : "  not kept");
+}
+
+void recovery(const Arguments& arguments, const std::string& name, FitOrder order) {
+  const Fabric truth = true_fabric(name);
+  const Trials trials = fit_trials(arguments, name);
+  for (int i = 0; i < std::min<int>(arguments.starts, std::size(kStarts)); ++i) {
+    const Start& start = kStarts[i];
+    CurveFitOptions options;
+    options.order = order;
+    options.shape = CurveShape::subdivided;
+    const CurveFitResult found = timed_fit(
+        arguments, trials, wrong_fabric(truth, truth.model, start), options,
+        fmt::format("{}: {} fit of {} from {}", name,
+                    order == FitOrder::joint ? "joint" : "incremental", truth.model, start.name));
+    print_stages(found);
+    compare_curves(arguments, trials, truth, found);
+    print_tests(arguments, name, found.fit.fabric);
+  }
+}
+
+void table(const Arguments& arguments, const std::string& name) {
+  const Fabric truth = true_fabric(name);
+  const Trials trials = fit_trials(arguments, name);
+  for (const std::string& model : arguments.models)
+    for (const Variant& variant : kVariants) {
+      CurveFitOptions options;
+      options.shape = variant.shape;
+      options.symmetry = variant.symmetry;
+      const CurveFitResult found =
+          timed_fit(arguments, trials, wrong_fabric(truth, model, kStarts[0]), options,
+                    fmt::format("{}: {}, {}", name, model, variant.name));
+      print_tests(arguments, name, found.fit.fabric);
+    }
+}
+
+Arguments parse(int argc, char** argv) {
+  Arguments arguments;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool more = i + 1 < argc;
+    if (word == "--cells" && more)
+      arguments.options.cells = std::stoi(argv[++i]);
+    else if (word == "--truth-cells" && more)
+      arguments.rig.mesh.cells = std::stoi(argv[++i]);
+    else if (word == "--steps" && more)
+      arguments.rig.steps = std::stoi(argv[++i]);
+    else if (word == "--starts" && more)
+      arguments.starts = std::stoi(argv[++i]);
+    else if (word == "--threads" && more)
+      arguments.threads = arguments.rig.threads = std::stoi(argv[++i]);
+    else if (word == "--fabric" && more)
+      arguments.fabrics = {argv[++i]};
+    else if (word == "--model" && more)
+      arguments.models = {argv[++i]};
+    else if (word == "--no-noise")
+      arguments.rig.noise = {0, 0, 0, 0};
+    else if (word == "--uniform")
+      arguments.options.pattern = GridPattern::uniform;
+    else if (arguments.out.empty())
+      arguments.out = word;
+    else
+      arguments.parts.push_back(word);
+  }
+  if (arguments.out.empty())
+    throw Error(
+        "usage: weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME] "
+        "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
+        "[--no-noise]");
+  if (arguments.parts.empty()) arguments.parts = {"recovery", "orders", "table"};
+  return arguments;
+}
+
+void run(const Arguments& arguments) {
+  for (const std::string& fabric : arguments.fabrics) {
+    if (arguments.has("recovery")) recovery(arguments, fabric, FitOrder::incremental);
+    if (arguments.has("orders")) recovery(arguments, fabric, FitOrder::joint);
+    if (arguments.has("table")) table(arguments, fabric);
+  }
+}
+
+}  // namespace
+}  // namespace weft
+
+int main(int argc, char** argv) {
+  try {
+    weft::run(weft::parse(argc, argv));
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
+  return 0;
+}
