@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
@@ -68,12 +69,29 @@ class Tracer {
     if (points_.size() < kLeastPoints)
       throw Error("no bright line begins at the clamp in the picture of the strip");
     MaterialPoints result(2, static_cast<Eigen::Index>(points_.size()));
-    for (Eigen::Index i = 0; i < result.cols(); ++i)
-      result.col(i) = points_[static_cast<std::size_t>(i)];
+    for (Eigen::Index i = 0; i < result.cols(); ++i) result.col(i) = smoothed(i);
     return result;
   }
 
  private:
+  /// A parabola through the neighbours: a line that jitters from step to step is too long.
+  Vec2 smoothed(Eigen::Index i) const {
+    const auto reach =
+        std::max<Eigen::Index>(3, static_cast<Eigen::Index>(kMemory / options_.step));
+    Mat3 normal = Mat3::Zero();
+    Eigen::Matrix<double, 3, 2> right = Eigen::Matrix<double, 3, 2>::Zero();
+    const auto count = static_cast<Eigen::Index>(points_.size());
+    for (Eigen::Index j = std::max<Eigen::Index>(0, i - reach); j <= std::min(count - 1, i + reach);
+         ++j) {
+      const double t = static_cast<double>(j - i) / static_cast<double>(reach + 1);
+      const double w = std::pow(1 - std::pow(std::abs(t), 3), 3);
+      const Vec3 row(1, t, t * t);
+      normal += w * row * row.transpose();
+      right += w * row * points_[static_cast<std::size_t>(j)].transpose();
+    }
+    return normal.ldlt().solve(right).row(0).transpose();
+  }
+
   bool inside(const Vec2& p) const {
     return p.x() >= 0.5 && p.y() >= 0.5 && p.x() <= smooth_.cols - 0.5 &&
            p.y() <= smooth_.rows - 0.5;
