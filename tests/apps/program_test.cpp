@@ -19,7 +19,7 @@ TEST_F(Program, EachCommandHasHelpWithAnExample) {
   EXPECT_EQ(help.err, "");
   for (const std::string command :
        {"check", "surface", "fit", "simulate", "render", "evaluate", "compare", "landscape",
-        "variability", "matrix", "synthesize", "fabrics"}) {
+        "variability", "matrix", "synthesize", "fabrics", "cantilever", "cusick"}) {
     EXPECT_THAT(help.out, HasSubstr("\n  " + command + " ")) << command;
     const Outcome outcome = weft({command, "--help"});
     EXPECT_EQ(outcome.status, 0) << command;

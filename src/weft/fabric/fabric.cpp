@@ -10,6 +10,7 @@
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
 #include "weft/fabric/arcsim_material.h"
+#include "weft/fabric/kes_fabric.h"
 #include "weft/fabric/presets.h"
 #include "weft/fabric/prior.h"
 
@@ -448,10 +449,13 @@ Fabric find_fabric(const std::string& name_or_path) {
   for (const Fabric& preset : fabric_presets())
     if (preset.name == name_or_path || preset.name == name_or_path + "-waving") return preset;
   std::error_code ignored;
-  if (std::filesystem::is_regular_file(name_or_path, ignored))
-    return std::filesystem::path(name_or_path).extension() == ".json"
-               ? read_arcsim_material(name_or_path)
-               : read_fabric(name_or_path);
+  if (std::filesystem::is_regular_file(name_or_path, ignored)) {
+    const std::filesystem::path path = name_or_path;
+    if (path.extension() == ".json") return read_arcsim_material(path);
+    const TomlTable file = TomlTable::parse_file(path);
+    const bool is_kes = file.has("format") && file.string("format") == "weft-kes";
+    return is_kes ? read_kes_fabric(path) : read_fabric(path);
+  }
   throw Error(fmt::format("fabric \"{}\" is neither a file nor a preset; presets: {}", name_or_path,
                           preset_names()));
 }

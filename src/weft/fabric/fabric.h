@@ -101,8 +101,8 @@ void require_model(const Fabric& fabric, std::string_view model);
 /// The same unless it is of a model that motions are simulated with, which has damping and drag:
 /// "baraff-witkin" or "baraff-witkin-diagonals".
 void require_motion_model(const Fabric& fabric);
-/// A preset by name, or else a file: fabric.toml, or where it ends in .json an ARCSim material.
-/// `linen` is short for `linen-waving`, and so on. Throws Error naming the presets.
+/// A preset by name (`linen` is short for `linen-waving`), or else a file: fabric.toml, numbers of
+/// KES-F (kes_fabric.h), or where it ends in .json an ARCSim material. Throws Error otherwise.
 Fabric find_fabric(const std::string& name_or_path);
 
 }  // namespace weft

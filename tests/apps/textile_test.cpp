@@ -1,0 +1,110 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "apps/program.h"
+#include "weft/estimate/cantilever.h"
+#include "weft/fabric/fabric.h"
+#include "weft/vision/video.h"
+
+namespace weft {
+namespace {
+
+using testing::HasSubstr;
+
+class Textile : public ProgramTest {
+ protected:
+  static nlohmann::json json_of(std::vector<std::string> arguments) {
+    arguments.emplace_back("--json");
+    const Outcome outcome = weft(arguments);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return nlohmann::json::parse(outcome.out);
+  }
+};
+
+// 0.2 kg/m^2 weigh 1.96133 N/m^2; c = 0.05 m, G = w c^3 = 2.4517e-4 N m.
+TEST_F(Textile, OverhangGivesTheRigidityAndAFabric) {
+  const auto result = json_of({"cantilever", "--overhang", "0.1", "--areal-density", "0.2"});
+  EXPECT_NEAR(result["standard_rigidity"], 2.45166e-4, 1e-8);
+  EXPECT_NEAR(result["rigidity"], 2.45166e-4, 1e-3 * 2.45166e-4);
+  const Outcome written = weft({"cantilever", "--overhang", "0.1", "--areal-density", "0.2",
+                                "--fabric", "satin", "--out", path("f.toml")});
+  ASSERT_EQ(written.status, 0) << written.err;
+  EXPECT_THAT(written.out, HasSubstr("ASTM D1388"));
+  const Fabric fabric = read_fabric(path("f.toml"));
+  EXPECT_EQ(fabric.value("bend_stiffness"), result["rigidity"]);
+  EXPECT_THAT(fabric.provenance, HasSubstr("cantilever"));
+}
+
+TEST_F(Textile, ProfileGivesMomentsAndTheLaw) {
+  const double density = 0.5, rigidity = 1e-3;
+  const ElasticaProfile bent = heavy_elastica(rigidity, density * kStandardGravity, 0.15);
+  std::string text = "x,y\n";
+  for (Eigen::Index i = 0; i < bent.at.cols(); i += 4)
+    text += std::to_string(bent.at(0, i)) + "," + std::to_string(bent.at(1, i)) + "\n";
+  write("profile.csv", text);
+  const auto result = json_of(
+      {"cantilever", path("profile.csv"), "--areal-density", "0.5", "--curve", path("curve.csv")});
+  EXPECT_NEAR(result["root_moment"], bent.moment[0], 1e-3 * bent.moment[0]);
+  EXPECT_NEAR(result["constant"]["rigidity"], rigidity, 1e-2 * rigidity);
+  EXPECT_THAT(text_of(folder_ / "curve.csv"), HasSubstr("arc,x,y,moment,curvature"));
+}
+
+TEST_F(Textile, PhotographGivesTheProfile) {
+  // A bright band, 6 px wide, along the elastica; 0.5 mm a pixel, from the left border.
+  const ElasticaProfile bent = heavy_elastica(1e-3, 0.5 * kStandardGravity, 0.15);
+  Image image = Image::Constant(220, 330, 0.02f);
+  for (int i = 0; i < image.rows(); ++i)
+    for (int j = 0; j < image.cols(); ++j) {
+      const Vec2 p = 5e-4 * Vec2(j + 0.5, 40 - (i + 0.5));
+      const double distance = (bent.at.colwise() - p).colwise().norm().minCoeff();
+      if (distance < 1.5e-3) image(i, j) = 0.9f;
+    }
+  write_png(folder_ / "photo.png", image);
+  const auto result =
+      json_of({"cantilever", path("photo.png"), "--pixel", "5e-4", "--areal-density", "0.5"});
+  // The ends are known to some pixels of 300: 2 % of the length, 4 % of the moment.
+  EXPECT_NEAR(result["root_moment"], bent.moment[0], 0.04 * bent.moment[0]);
+  EXPECT_THAT(refusal({"cantilever", path("photo.png"), "--areal-density", "0.5"}),
+              HasSubstr("--pixel"));
+}
+
+TEST_F(Textile, DrapeOfAFabricAndOfItsShadow) {
+  write("kes.toml",
+        "format = \"weft-kes\"\nversion = 1\nW = 15\n[weft]\nEMT = 5\nG = 0.6\nB = 0.1\n"
+        "[warp]\nEMT = 4\nG = 0.6\nB = 0.1\n");
+  const auto result = json_of({"cusick", path("kes.toml"), "--starts", "2", "--rings", "4",
+                               "--sectors", "36", "--out", path("drape.obj")});
+  ASSERT_EQ(result["drapes"].size(), 2u);
+  EXPECT_GT(result["drape_coefficient"], 0.2);
+  EXPECT_LT(result["drape_coefficient"], 0.95);
+  EXPECT_THAT(text_of(folder_ / "drape.obj"), HasSubstr("vt "));
+
+  Image shadow = Image::Constant(200, 200, 1.0f);
+  for (int i = 0; i < 200; ++i)
+    for (int j = 0; j < 200; ++j)
+      if (Vec2(j - 99.5, i - 99.5).norm() < 60) shadow(i, j) = 0;
+  write_png(folder_ / "shadow.png", shadow);
+  const auto measured = json_of({"cusick", "--shadow", path("shadow.png"), "--pixel", "0.002"});
+  // (0.12^2 - 0.09^2) / (0.15^2 - 0.09^2), of a circle of 60 px.
+  EXPECT_NEAR(measured["drape_coefficient"], 0.4375, 0.01);
+  EXPECT_EQ(measured["lobes"], 0);
+}
+
+TEST_F(Textile, RefusesWhatDoesNotGoTogether) {
+  EXPECT_THAT(refusal({"cantilever", "--areal-density", "0.2"}), HasSubstr("--overhang"));
+  EXPECT_THAT(refusal({"cantilever", "--overhang", "0.1"}), HasSubstr("--areal-density"));
+  EXPECT_THAT(refusal({"cantilever", "--overhang", "-1", "--areal-density", "0.2"}),
+              HasSubstr("--overhang"));
+  EXPECT_THAT(refusal({"cantilever", "--overhang", "0.1", "--areal-density", "0.2", "--out",
+                       path("x.toml")}),
+              HasSubstr("--fabric"));
+  EXPECT_THAT(refusal({"cusick"}), HasSubstr("--shadow"));
+  EXPECT_THAT(refusal({"cusick", "satin", "--areal-density", "0.1"}), HasSubstr("baraff-witkin"));
+  EXPECT_THAT(refusal({"cusick", "--shadow", path("none.png"), "--pixel", "0.001"}),
+              HasSubstr("none.png"));
+}
+
+}  // namespace
+}  // namespace weft
