@@ -10,6 +10,7 @@
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
 #include "weft/fabric/arcsim_material.h"
+#include "weft/fabric/orthotropic.h"
 #include "weft/fabric/presets.h"
 #include "weft/fabric/prior.h"
 
@@ -228,6 +229,7 @@ std::string row_text(const Fabric& fabric, int row) {
 std::string preset_names() {
   std::string names;
   for (const Fabric& preset : fabric_presets()) names += (names.empty() ? "" : ", ") + preset.name;
+  for (const Fabric& preset : orthotropic_presets()) names += ", " + preset.name;
   return names;
 }
 
@@ -422,6 +424,8 @@ std::vector<ParameterPrior> read_priors(const std::filesystem::path& path) {
 std::vector<ParameterPrior> find_priors(const std::string& name_or_path) {
   for (const Fabric& preset : fabric_presets())
     if (preset.name == name_or_path || preset.name == name_or_path + "-waving") return {};
+  for (const Fabric& preset : orthotropic_presets())
+    if (preset.name == name_or_path) return {};
   return read_priors(name_or_path);
 }
 
@@ -447,6 +451,8 @@ const std::vector<Fabric>& fabric_presets() {
 Fabric find_fabric(const std::string& name_or_path) {
   for (const Fabric& preset : fabric_presets())
     if (preset.name == name_or_path || preset.name == name_or_path + "-waving") return preset;
+  for (const Fabric& preset : orthotropic_presets())
+    if (preset.name == name_or_path) return preset;
   std::error_code ignored;
   if (std::filesystem::is_regular_file(name_or_path, ignored))
     return std::filesystem::path(name_or_path).extension() == ".json"
