@@ -16,6 +16,7 @@
 #include "mechanical.h"
 #include "options.h"
 #include "report_of_fit.h"
+#include "scan.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
@@ -53,6 +54,8 @@ struct Arguments {
   TrialArguments trial;
   MechanicalArguments mechanical;
   MechanicalFitArguments mechanical_fit;  // what only mechanical captures have
+  ScanArguments scan;
+  ScanFitArguments scan_fit;  // what only scans have
 };
 
 /// What both methods share, over the defaults of each.
@@ -369,6 +372,25 @@ void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   run_mechanical_fit(fit);
 }
 
+void run_scan(const Arguments& arguments, const CLI::App& command) {
+  refuse_options(command, kVideoFitOptions, "scans");
+  refuse_options(command, video_option_names(), "scans");
+  refuse_options(command, kMechanicalFitOptions, "scans");
+  refuse_options(command, {"--start", "--model"}, "scans");
+  ScanFitArguments fit = arguments.scan_fit;
+  fit.captures = arguments.captures;
+  fit.out = arguments.out;
+  fit.initial = arguments.initial;
+  fit.name = arguments.name;
+  if (!arguments.parameters.empty()) fit.parameters = arguments.parameters;
+  fit.seed = arguments.seed;
+  fit.overwrite = arguments.overwrite;
+  fit.threads = arguments.trial.threads();
+  fit.options = arguments.scan.options(command);
+  fit.solver = arguments.scan.solver();
+  run_scan_fit(fit);
+}
+
 }  // namespace
 
 void add_fit(CLI::App& app) {
@@ -450,6 +472,8 @@ void add_fit(CLI::App& app) {
                    "mechanical captures: standard deviation of a coordinate, m")
       ->check(number_in(1e-9, 1))
       ->capture_default_str();
+  arguments->scan.add_to(*command);
+  arguments->scan_fit.add_to(*command);
   command->footer(
       "Example:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150");
   command->callback([arguments, command] {
@@ -461,7 +485,14 @@ void add_fit(CLI::App& app) {
       throw Error("--no-variability and --variability-curves exclude each other");
     if (command->count("--model") > 0 && command->count("--initial") > 0)
       throw Error("--model: the fabric of --initial says which");
-    if (common_kind(arguments->captures) == CaptureKind::mechanical) {
+    const CaptureKind kind = common_kind(arguments->captures);
+    if (kind == CaptureKind::scan) {
+      run_scan(*arguments, *command);
+      return;
+    }
+    refuse_options(*command, ScanArguments::names(), "anything but scans");
+    refuse_options(*command, ScanFitArguments::names(), "anything but scans");
+    if (kind == CaptureKind::mechanical) {
       run_mechanical(*arguments, *command);
       return;
     }

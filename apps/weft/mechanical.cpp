@@ -82,12 +82,14 @@ const std::vector<std::string>& video_option_names() {
 
 CaptureKind common_kind(const std::vector<std::string>& folders) {
   const CaptureKind kind = capture_kind(folders.front());
+  const auto name = [](CaptureKind k) {
+    return k == CaptureKind::video ? "a video"
+                                   : (k == CaptureKind::scan ? "a scan" : "a mechanical capture");
+  };
   for (const std::string& folder : folders) {
     if (capture_kind(folder) != kind)
-      throw Error(
-          fmt::format("{} and {}: one is a video, the other a mechanical capture; they "
-                      "cannot be fitted together",
-                      folders.front(), folder));
+      throw Error(fmt::format("{} and {}: one is {}, the other {}; they cannot be fitted together",
+                              folders.front(), folder, name(kind), name(capture_kind(folder))));
   }
   return kind;
 }

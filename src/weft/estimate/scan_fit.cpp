@@ -18,6 +18,10 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kBalancePasses = 2;
+/// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
+/// deviation off costs 1.
+constexpr double kEnoughReduction = 0.01;
+constexpr int kEnoughSteps = 2;
 constexpr double kLeastPoisson = 0.02, kMostPoisson = 0.45;  // of a random start
 /// A force whose direction is not known within itself has no magnitude to differentiate.
 constexpr double kLeastForce = 1e-12;  // N
@@ -79,6 +83,7 @@ ScanProblem::ScanProblem(std::vector<std::shared_ptr<const ScanTrial>> trials,
     throw Error("limit and tolerance of Poisson's ratio must be above 0");
   std::vector<int> used;
   for (const std::string& name : free) {
+    if (name == "bend") fabric_.values[fabric_.value_index("bend_uv")] = kNoBendCoupling;
     parameters_.push_back(scan_parameter(fabric_, name));
     for (const auto& [index, factor] : parameters_.back().values) {
       if (std::find(used.begin(), used.end(), index) != used.end())
@@ -358,9 +363,18 @@ class Descent {
       return value;
     };
     const auto size = static_cast<Eigen::Index>(free.size());
-    const LeastSquaresResult found = minimize_least_squares(
-        linearize, cost, x_(free), VecX::Zero(size), VecX::Ones(size), options_.least_squares,
-        [&](const LeastSquaresStep&) { return !result_.stopped; });
+    const auto residuals = static_cast<double>(problem_.residual_count());
+    double reached = kInfinity;
+    int small_steps = 0;
+    const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
+      if (!step.accepted) return !result_.stopped;
+      small_steps = (reached - step.cost) * residuals < kEnoughReduction ? small_steps + 1 : 0;
+      reached = step.cost;
+      return !result_.stopped && small_steps < kEnoughSteps;
+    };
+    const LeastSquaresResult found =
+        minimize_least_squares(linearize, cost, x_(free), VecX::Zero(size), VecX::Ones(size),
+                               options_.least_squares, after_step);
     x_ = full(found.x);
     iterations_ += found.iterations;
   }

@@ -21,9 +21,9 @@ struct ScanParameter {
   bool bending = false;
 };
 /// "bend": the paper's b, one flexural rigidity for all directions (bend_uu = bend_vv = b,
-/// bend_twist = b / 2), or a parameter of the model "stvk" by its name. The feasible box of
-/// equation 7 is the ranges of the fabric; that of b is bend_uu's. Throws Error for another name
-/// and for another model.
+/// bend_twist = b / 2, bend_uv = kNoBendCoupling), or a parameter of the model "stvk" by its name.
+/// The feasible box of equation 7 is the ranges of the fabric; that of b is bend_uu's. Throws Error
+/// for another name and for another model.
 ScanParameter scan_parameter(const Fabric& fabric, const std::string& name);
 /// membrane_uu, membrane_vv, membrane_uv, membrane_shear, bend: C00, C11, C01, C22, b.
 const std::vector<std::string>& default_scan_parameters();
@@ -169,6 +169,7 @@ using ScanFitObserver = std::function<bool(const ScanFitStep&)>;
 /// all that is needed, bounds are met exactly, and the intervals want the Gauss-Newton matrix of
 /// each part.
 ///
+/// A descent also ends after two steps in a row that lower the sum of squares by less than 0.01.
 /// Throws Error if the given start has no equilibrium; a random start without one is left out.
 ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOptions& options = {},
                        const ScanFitObserver& observer = {});

@@ -13,8 +13,6 @@ namespace {
 constexpr double kNewtonPerMetre = 1e-3;   // of a dyn/cm
 constexpr double kNewtonMetre = 1e-7;      // of a dyn cm
 constexpr double kKilogramPerSquare = 10;  // of a g/cm^2
-/// The least bend_uv of the model, which cannot be zero; 1e-4 of the limpest cloth's rigidity.
-constexpr double kNoBendCoupling = 1e-12;  // N m
 
 struct Column {
   const char *name, *place;

@@ -27,8 +27,11 @@ OrthotropicStiffness stiffness_of(const OrthotropicModuli& moduli);
 /// The inverse. Throws Error unless c00, c11, c22, b > 0, c01 >= 0 and c01^2 < c00 c11.
 OrthotropicModuli moduli_of(const OrthotropicStiffness& stiffness);
 
+/// What stands for zero as bend_uv, which the model "stvk" searches in its logarithm.
+inline constexpr double kNoBendCoupling = 1e-12;  // N m
+
 /// Fabric of model "stvk". A plate of rigidity b without Poisson effect: bend_uu = bend_vv = b,
-/// bend_twist = b / 2, bend_uv the least that the model takes.
+/// bend_twist = b / 2, bend_uv = kNoBendCoupling.
 Fabric orthotropic_fabric(std::string name, const OrthotropicStiffness& stiffness);
 /// Of a fabric of model "stvk"; b is the mean of bend_uu and bend_vv. Throws Error for another
 /// model.
