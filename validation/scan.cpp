@@ -1,6 +1,6 @@
 /// Fits from scanned shapes, against what made them.
 ///
-///     weft_validate_scan [table1] [noise] [--cells N] [--fine N]
+///     weft_validate_scan [table1] [noise] [--cells N] [--fine N] [--out FOLDER]
 ///
 /// table1: targets of the paper's section 4.2 on the mesh of the fit (Larionov et al. 2022, Table
 /// 1). noise: the same from a finer mesh with noise.
@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -29,6 +30,7 @@ struct Arguments {
   std::vector<std::string> parts;
   int cells = 24, fine = 48;
   DescriptorKind descriptor = DescriptorKind::fourier;
+  std::filesystem::path out;  ///< captures are kept here
   bool has(const std::string& part) const {
     return std::find(parts.begin(), parts.end(), part) != parts.end();
   }
@@ -161,6 +163,9 @@ void table1(const Arguments& arguments, bool noisy) {
   ScanOptions scan;
   scan.cells = noisy ? arguments.cells : 0;
   scan.descriptor = arguments.descriptor;
+  if (!arguments.out.empty())
+    write_scan_capture(arguments.out / (noisy ? "noise" : "table1"), targets.capture,
+                       targets.shapes);
   const auto trials = prepare_scan(targets.capture, targets.shapes, scan);
   const ScanProblem problem(trials, make_static_solver(), truth, default_scan_parameters());
   const ScanFitResult fit = fit_scan(problem, start, {}, [](const ScanFitStep& step) {
@@ -180,6 +185,8 @@ Arguments parse(int argc, char** argv) {
       arguments.cells = std::stoi(argv[++i]);
     else if (word == "--fine" && i + 1 < argc)
       arguments.fine = std::stoi(argv[++i]);
+    else if (word == "--out" && i + 1 < argc)
+      arguments.out = argv[++i];
     else if (word == "--descriptor" && i + 1 < argc)
       arguments.descriptor = descriptor_from_name(argv[++i]);
     else
