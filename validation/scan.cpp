@@ -1,9 +1,11 @@
 /// Fits from scanned shapes, against what made them.
 ///
-///     weft_validate_scan [table1] [noise] [--cells N] [--fine N] [--out FOLDER]
+///     weft_validate_scan [table1] [noise] [mechanical] [captures] [--data FOLDER] [--cells N]
+///     [--fine N] [--out FOLDER]
 ///
 /// table1: targets of the paper's section 4.2 on the mesh of the fit (Larionov et al. 2022, Table
-/// 1). noise: the same from a finer mesh with noise.
+/// 1). noise: the same from a finer mesh with noise. mechanical, captures: targets that other
+/// programs made, in FOLDER/mechanical and FOLDER/captures.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "scan_validation.h"
 #include "weft/base/error.h"
 #include "weft/estimate/scan_fit.h"
 #include "weft/estimate/scan_synthetic.h"
@@ -25,16 +28,6 @@ namespace {
 constexpr double kSide = 0.15;      // m
 constexpr double kDensity = 0.224;  // kg/m^2, of the paper's cotton
 constexpr double kDegree = std::numbers::pi / 180;
-
-struct Arguments {
-  std::vector<std::string> parts;
-  int cells = 24, fine = 48;
-  DescriptorKind descriptor = DescriptorKind::fourier;
-  std::filesystem::path out;  ///< captures are kept here
-  bool has(const std::string& part) const {
-    return std::find(parts.begin(), parts.end(), part) != parts.end();
-  }
-};
 
 struct Targets {
   ScanCapture capture;
@@ -86,41 +79,6 @@ Targets make_targets(const std::vector<ScanExperiment>& experiments, int cells,
   return targets;
 }
 
-void print_moduli(const char* name, const Fabric& fabric) {
-  const OrthotropicModuli m = moduli_of(stiffness_of(fabric));
-  fmt::print("{:<9} {:>10.4f} {:>10.4f} {:>10.4f} {:>9.5f} {:>12.5g}\n", name, m.e_u, m.e_v,
-             m.shear, m.poisson, m.b);
-}
-
-void print_errors(const Fabric& found, const Fabric& truth) {
-  const OrthotropicModuli a = moduli_of(stiffness_of(found)), b = moduli_of(stiffness_of(truth));
-  fmt::print("{:<9} {:>9.3f}% {:>9.3f}% {:>9.3f}% {:>8.3f}% {:>11.3f}%\n", "error",
-             100 * (a.e_u / b.e_u - 1), 100 * (a.e_v / b.e_v - 1), 100 * (a.shear / b.shear - 1),
-             100 * (a.poisson / b.poisson - 1), 100 * (a.b / b.b - 1));
-}
-
-void print_fit(const ScanFitResult& fit, const Fabric& truth) {
-  fmt::print("{:<9} {:>10} {:>10} {:>10} {:>9} {:>12}\n", "", "E_u N/m", "E_v N/m", "mu N/m", "nu",
-             "b N m");
-  print_moduli("start", fit.start);
-  print_moduli("found", fit.fabric);
-  print_moduli("truth", truth);
-  print_errors(fit.fabric, truth);
-  fmt::print(
-      "cost {:.4g} from {:.4g}; {} iterations, {} evaluations, {:.1f} s; residuals in units of "
-      "noise: shape {:.3g}, force {:.3g}; {} inexact\n",
-      fit.cost, fit.cost_start, fit.iterations, fit.evaluations, fit.wall_s, fit.shape_rms,
-      fit.force_rms, fit.inexact);
-  for (const ParameterInterval& p : fit.intervals) {
-    fmt::print("  {:<15} {:>11.5g} {:<4} ", p.name, p.value, p.unit);
-    if (p.determined)
-      fmt::print("90 % {:.5g} to {:.5g}\n", p.lower, p.upper);
-    else
-      fmt::print("not determined\n");
-  }
-  std::fflush(stdout);
-}
-
 /// Same start, two fabrics: the largest distance of a vertex.
 void compare_unseen(const Fabric& found, const Fabric& truth, int cells) {
   const TriangleMesh mesh = square(cells);
@@ -168,12 +126,14 @@ void table1(const Arguments& arguments, bool noisy) {
                        targets.shapes);
   const auto trials = prepare_scan(targets.capture, targets.shapes, scan);
   const ScanProblem problem(trials, make_static_solver(), truth, default_scan_parameters());
-  const ScanFitResult fit = fit_scan(problem, start, {}, [](const ScanFitStep& step) {
+  print_targets(problem, truth, "at the truth");
+  const ScanFitResult fit = fit_scan(problem, start, arguments.fit, [](const ScanFitStep& step) {
     fmt::print(stderr, "{} {} cost {:.6g} best {:.6g}\n", step.evaluation, step.phase, step.cost,
                step.best);
     return true;
   });
-  print_fit(fit, truth);
+  print_fit(fit, &truth);
+  print_targets(problem, fit.fabric, "at the estimate");
   compare_unseen(fit.fabric, truth, arguments.cells);
 }
 
@@ -185,8 +145,18 @@ Arguments parse(int argc, char** argv) {
       arguments.cells = std::stoi(argv[++i]);
     else if (word == "--fine" && i + 1 < argc)
       arguments.fine = std::stoi(argv[++i]);
+    else if (word == "--data" && i + 1 < argc)
+      arguments.data = argv[++i];
+    else if (word == "--fabric" && i + 1 < argc)
+      arguments.fabrics = {argv[++i]};
     else if (word == "--out" && i + 1 < argc)
       arguments.out = argv[++i];
+    else if (word == "--balance" && i + 1 < argc)
+      arguments.fit.balance = scan_balance_from_name(argv[++i]);
+    else if (word == "--schedule" && i + 1 < argc)
+      arguments.fit.schedule = scan_schedule_from_name(argv[++i]);
+    else if (word == "--starts" && i + 1 < argc)
+      arguments.fit.random_starts = std::stoi(argv[++i]);
     else if (word == "--descriptor" && i + 1 < argc)
       arguments.descriptor = descriptor_from_name(argv[++i]);
     else
@@ -199,6 +169,8 @@ Arguments parse(int argc, char** argv) {
 void run(const Arguments& arguments) {
   if (arguments.has("table1")) table1(arguments, false);
   if (arguments.has("noise")) table1(arguments, true);
+  if (arguments.has("mechanical")) mechanical_scans(arguments);
+  if (arguments.has("captures")) capture_scans(arguments);
 }
 
 }  // namespace

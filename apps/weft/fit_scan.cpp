@@ -83,9 +83,7 @@ Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem
                      {"cells", static_cast<std::int64_t>(arguments.options.cells)},
                      {"schedule", arguments.schedule},
                      {"balance", arguments.balance},
-                     {"random starts", static_cast<std::int64_t>(arguments.random_starts)},
-                     {"factor on the noise of shapes", fit.scales.shape},
-                     {"factor on the noise of forces", fit.scales.force}};
+                     {"random starts", static_cast<std::int64_t>(arguments.random_starts)}};
   report.parameters = report_parameters(problem, fit);
   for (const ScanFitStep& step : fit.history) {
     report.history.push_back({step.evaluation, step.phase, step.cost, step.best, 0});
@@ -115,12 +113,15 @@ std::string result_text(const Report& report, const ScanFitResult& fit,
     object["start"] = moduli_json(moduli_of(stiffness_of(end.start)));
     ends.push_back(object);
   }
+  nlohmann::json targets = scan_json(trials, differences);
+  for (std::size_t i = 0; i < targets.size(); ++i)
+    targets[i]["noise_factor"] = fit.scales[static_cast<Eigen::Index>(i)];
   result["scan"] = {{"moduli", moduli_json(moduli_of(stiffness_of(fit.fabric)))},
                     {"iterations", fit.iterations},
                     {"starts", ends},
                     {"shape_rms", fit.shape_rms},
                     {"force_rms", fit.force_rms},
-                    {"targets", scan_json(trials, differences)}};
+                    {"targets", targets}};
   return result.dump(2) + "\n";
 }
 
@@ -158,8 +159,8 @@ void ScanFitArguments::add_to(CLI::App& command) {
   command
       .add_option("--balance", balance,
                   "scans: what divides shapes and forces before they are added: noise, as the "
-                  "capture states it, or residual, what is left of each after a fit with noise, "
-                  "where that is more")
+                  "capture states it, or residual, what is left of each target after a fit with "
+                  "noise, where that is more")
       ->check(CLI::IsMember({"noise", "residual"}))
       ->capture_default_str();
   command

@@ -40,7 +40,7 @@ struct ScanFitArguments {
   std::string out, initial, name;
   std::vector<std::string> parameters = default_scan_parameters();
   std::string schedule = "together";
-  std::string balance = "noise";
+  std::string balance = "residual";
   int rounds = ScanFitOptions().rounds;
   int random_starts = ScanFitOptions().random_starts;
   std::uint64_t seed = 1;

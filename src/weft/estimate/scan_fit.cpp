@@ -17,7 +17,8 @@ namespace weft {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kBalancePasses = 2;
+constexpr int kBalancePasses = 4;
+constexpr double kSameScale = 1.01;
 /// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
 /// deviation off costs 1.
 constexpr double kEnoughReduction = 0.01;
@@ -105,6 +106,7 @@ ScanProblem::ScanProblem(std::vector<std::shared_ptr<const ScanTrial>> trials,
     for (const ScanClamp& clamp : trial->target.clamps)
       if (clamp.force) ++residual_count_;
   }
+  scales_ = no_scales();
 }
 
 std::vector<ParameterInfo> ScanProblem::infos() const {
@@ -182,7 +184,8 @@ ScanProblem::Residuals ScanProblem::residuals(std::size_t t, const ScanSimulatio
   const VecX& values = fabric.values;
   const VecX sampled = trial.sampling * flat(simulation.rest.x);
   const Points x = Points::Map(sampled.data(), 3, sampled.size() / 3);
-  const VecX weight = (scales_.shape * shape_noise_[t]).cwiseInverse();
+  const auto target = static_cast<Eigen::Index>(t);
+  const VecX weight = (scales_[target] * shape_noise_[t]).cwiseInverse();
   Residuals r;
   r.shape = weight.cwiseProduct(trial.simulated_descriptor->value(x, values) -
                                 trial.measured_descriptor->value(trial.measured, values));
@@ -200,7 +203,7 @@ ScanProblem::Residuals ScanProblem::residuals(std::size_t t, const ScanSimulatio
   for (Eigen::Index i = 0; i < count; ++i) {
     const Eigen::Index c = measured[at(i)];
     const ScanClamp& clamp = trial.target.clamps[at(c)];
-    const double noise = scales_.force * clamp.force_noise;
+    const double noise = scales_[target] * clamp.force_noise;
     const Vec3 force = simulation.forces.col(c);
     const double magnitude = force.norm();
     r.force[i] = (magnitude - *clamp.force) / noise;
@@ -246,19 +249,22 @@ ScanProblem::Linearization ScanProblem::linearize(const VecX& scaled) const {
     result.model.hessian += own.hessian;
     result.parts.push_back(std::move(own));
   };
+  result.target_rms = no_scales();
   double shape = 0, force = 0;
   int forces = 0;
   for (std::size_t t = 0; t < trials_.size(); ++t) {
+    const auto target = static_cast<Eigen::Index>(t);
     const Residuals r = residuals(t, simulations[t], found, HeldDerivatives::all);
     add(t, 0, r.shape, r.shape_jacobian);
     if (r.force.size() > 0) add(t, 1, r.force, r.force_jacobian);
-    shape += mean_square(r.shape) / static_cast<double>(trials_.size());
-    force += r.force.squaredNorm();
-    forces += static_cast<int>(r.force.size());
     if (simulations[t].rest.inexact) ++result.inexact;
+    result.target_rms[target] = scales_[target] * std::sqrt(mean_square(r.shape));
+    shape += result.target_rms[target] * result.target_rms[target];
+    force += scales_[target] * scales_[target] * r.force.squaredNorm();
+    forces += static_cast<int>(r.force.size());
   }
-  result.shape_rms = scales_.shape * std::sqrt(shape);
-  result.force_rms = forces ? scales_.force * std::sqrt(force / forces) : 0;
+  result.shape_rms = std::sqrt(shape / static_cast<double>(trials_.size()));
+  result.force_rms = forces ? std::sqrt(force / forces) : 0;
   VecX gradient;
   const double p = penalty(found, &gradient);
   const VecX by = by_scaled(scaled, gradient.transpose()).transpose();
@@ -290,17 +296,18 @@ class Descent {
     ScanFitEnd end;
     x_ = problem_.scaled(start).cwiseMax(0).cwiseMin(1);
     end.start = problem_.fabric(x_);
-    problem_.set_scales({});
+    problem_.set_scales(problem_.no_scales());
     end.cost_start = problem_.cost(x_, &reason_);
     end.cost = end.cost_start;
     iterations_ = 0;
     if (std::isfinite(end.cost_start)) {
       schedule();
-      for (int pass = 0; options_.balance == ScanBalance::residual && pass < kBalancePasses; ++pass)
-        rebalance(pass);
+      if (options_.balance == ScanBalance::residual)
+        for (int pass = 1; pass <= kBalancePasses && !result_.stopped && rebalance(pass); ++pass) {
+        }
       // Ends of several starts are compared by what they were all asked for.
-      const ScanProblem::Scales scales = problem_.scales();
-      problem_.set_scales({});
+      const VecX scales = problem_.scales();
+      problem_.set_scales(problem_.no_scales());
       end.cost = problem_.cost(x_);
       problem_.set_scales(scales);
     }
@@ -326,13 +333,18 @@ class Descent {
     }
   }
 
-  void rebalance(int pass) {
+  /// False where no target is missed by more than its noise, or nothing changed.
+  bool rebalance(int pass) {
     const ScanProblem::Linearization found = problem_.linearize(x_);
-    if (!std::isfinite(found.model.cost)) return;
-    problem_.set_scales({std::max(1.0, found.shape_rms), std::max(1.0, found.force_rms)});
+    if (!std::isfinite(found.model.cost)) return false;
+    const VecX scales = found.target_rms.cwiseMax(1);
+    const VecX change = scales.cwiseQuotient(problem_.scales());
+    if (std::max(change.maxCoeff(), 1 / change.minCoeff()) < kSameScale) return false;
+    problem_.set_scales(scales);
     std::vector<Eigen::Index> all(at(x_.size()));
     std::iota(all.begin(), all.end(), 0);
-    descend(all, fmt::format("balance {}", pass + 1));
+    descend(all, fmt::format("balance {}", pass));
+    return true;
   }
 
   void descend(const std::vector<Eigen::Index>& free, const std::string& phase) {

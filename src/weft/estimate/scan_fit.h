@@ -33,10 +33,12 @@ enum class ScanBalance {
   /// The noise of each: of a descriptor's entry to first order from that of the coordinates, of a
   /// force as stated. What is minimized is then minus the logarithm of the likelihood.
   noise,
-  /// Also what the model lacks: after a fit with `noise`, every kind whose residuals are larger
-  /// than
-  /// its noise is divided by their root mean square instead, and the fit goes on; twice. Neither
-  /// kind then outweighs the other by being the one that the model misses by more.
+  /// Also what the model lacks: after a fit with `noise`, the noise of each target, of its shape
+  /// and
+  /// of its forces, is multiplied by the root mean square of what is left of its shape, where that
+  /// is above 1, and the fit goes on; four times. A target that the model cannot reach, because it
+  /// wrinkles more finely than the mesh or otherwise than the start, then does not outweigh those
+  /// that it can. (The few forces of a target are too few to say how large their own error is.)
   residual,
 };
 ScanBalance scan_balance_from_name(std::string_view name);
@@ -70,12 +72,10 @@ class ScanProblem {
   VecX scaled(const Fabric& fabric) const;
   Fabric fabric(const VecX& scaled) const;
 
-  /// Factors on the noise of shape and forces, >= 1; ones at first.
-  struct Scales {
-    double shape = 1, force = 1;
-  };
-  void set_scales(const Scales& scales) { scales_ = scales; }
-  Scales scales() const { return scales_; }
+  /// Factors on the noise of each target, >= 1; ones at first.
+  void set_scales(VecX scales) { scales_ = std::move(scales); }
+  const VecX& scales() const { return scales_; }
+  VecX no_scales() const { return VecX::Ones(static_cast<Eigen::Index>(trials_.size())); }
 
   /// Infinity where a target has no equilibrium or the solver refuses the values; `reason` says
   /// which.
@@ -84,7 +84,9 @@ class ScanProblem {
     QuadraticModel model;
     std::vector<CostPart> parts;  ///< of each target its shape and, where measured, its forces
     int inexact = 0;              ///< targets with inexact derivatives
-    double shape_rms = 0, force_rms = 0;  ///< of the residuals, in units of their noise
+    /// Root mean square of the residuals, in units of the stated noise.
+    double shape_rms = 0, force_rms = 0;
+    VecX target_rms;  ///< of the shape of each target
   };
   Linearization linearize(const VecX& scaled) const;
 
@@ -107,7 +109,7 @@ class ScanProblem {
   std::vector<ScanParameter> parameters_;
   ScanCostOptions options_;
   int threads_ = 0;
-  Scales scales_;
+  VecX scales_;
   std::vector<VecX> shape_noise_;
   std::size_t residual_count_ = 0;
 };
@@ -122,14 +124,14 @@ struct ScanFitOptions {
   ScanFitOptions() {
     least_squares.max_iterations = 40;
     least_squares.step_tolerance = 1e-6;
-    least_squares.cost_tolerance = 1e-6;
+    least_squares.cost_tolerance = 1e-5;
     least_squares.initial_damping = 1e-6;
     least_squares.largest_step = 0.1;
   }
   LeastSquaresOptions least_squares;  ///< of each descent
   ScanSchedule schedule = ScanSchedule::together;
   int rounds = 3;  ///< of `alternating`, >= 1
-  ScanBalance balance = ScanBalance::noise;
+  ScanBalance balance = ScanBalance::residual;
   int random_starts = 0;  ///< besides the given start, >= 0; the best end is the result
   double spread = 3;      ///< they lie within this factor of the start, > 1
   std::uint64_t seed = 1;
@@ -158,7 +160,7 @@ struct ScanFitResult {
   double condition = 0;
   int inexact = 0;
   double shape_rms = 0, force_rms = 0;  ///< at the end, in units of the noise
-  ScanProblem::Scales scales;
+  VecX scales;                          ///< factors on the noise of the targets
   bool stopped = false;
   double wall_s = 0;
 };
