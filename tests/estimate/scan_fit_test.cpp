@@ -176,6 +176,20 @@ TEST(ScanFit, ATargetThatCannotBeReachedCountsLess) {
   EXPECT_LT(error_of(ScanBalance::residual), 0.5 * error_of(ScanBalance::noise));
 }
 
+// Beside a bar that holds an area the grid is fine, and the shapes are compared on an even one.
+TEST(ScanFit, BarsHaveFineCellsBesideThem) {
+  const Made made = make();
+  const auto trials = prepare_scan(made.capture, made.shapes, {.cells = 6});
+  const ScanTrial& drape = *trials[3];
+  const double border = drape.target.clamps[0].region.upper.x();
+  double beside = 1;
+  for (const double u : drape.mesh.material.row(0))
+    if (u > border + 1e-9) beside = std::min(beside, u - border);
+  EXPECT_LT(beside, 0.5 * (kSide - border) / 6);
+  EXPECT_EQ(drape.grid.mesh.vertex_count(), drape.mesh.vertex_count());
+  EXPECT_NEAR(drape.grid.mesh.material(0, 1), kSide / (drape.grid.columns - 1), 1e-12);
+}
+
 // A bar whose scan is noisy is put where it is by all its vertices.
 TEST(ScanFit, BarsAreRigid) {
   const Made made = make(1e-4);

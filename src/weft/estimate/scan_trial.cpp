@@ -8,16 +8,16 @@
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/estimate/mechanical_trial.h"
 #include "weft/mesh/grid_lines.h"
 
 namespace weft {
 namespace {
 
 constexpr int kMostCells = 200;
-constexpr double kSamePlace = 1e-7;          // m
-constexpr double kEqualSpacing = 1e-4;       // of a cell
-constexpr double kClampStripDepth = 1. / 3;  // of a cell, as in mechanical_trial.h
-constexpr double kMeasured = 0.5;            // least weight of a vertex that counts as measured
+constexpr double kSamePlace = 1e-7;     // m
+constexpr double kEqualSpacing = 1e-4;  // of a cell
+constexpr double kMeasured = 0.5;       // least weight of a vertex that counts as measured
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -49,36 +49,54 @@ std::optional<Lines> grid_of(const TriangleMesh& mesh) {
   return lines;
 }
 
-/// Borders of clamps along an axis. A bar that reaches across the swatch gets a line inside it as
-/// well, beside its border: mechanical_trial.h says why.
-std::vector<double> borders_along(int axis, const std::vector<ScanClamp>& clamps, double across,
-                                  double spacing) {
+std::vector<double> borders_along(int axis, const std::vector<ScanClamp>& clamps) {
   std::vector<double> borders;
-  for (const ScanClamp& clamp : clamps) {
-    const double lower = clamp.region.lower[axis], upper = clamp.region.upper[axis];
-    borders.insert(borders.end(), {lower, upper});
-    const bool whole = clamp.region.lower[1 - axis] < kSamePlace &&
-                       clamp.region.upper[1 - axis] > across - kSamePlace;
-    const double strip = kClampStripDepth * spacing;
-    if (clamp.kind == ClampKind::bar && whole && upper - lower > 2 * strip)
-      borders.insert(borders.end(), {lower + strip, upper - strip});
-  }
+  for (const ScanClamp& clamp : clamps)
+    borders.insert(borders.end(), {clamp.region.lower[axis], clamp.region.upper[axis]});
   return borders;
 }
 
-Lines simulated_lines(const ScanCapture& capture, const ScanTarget& target, const ScanShape& shape,
-                      const ScanOptions& options) {
+/// Bars that hold an area want the mesh of a mechanical test, fine beside them.
+bool only_broad_bars(const ScanTarget& target) {
+  return std::all_of(target.clamps.begin(), target.clamps.end(), [](const ScanClamp& clamp) {
+    return clamp.kind == ClampKind::bar &&
+           (clamp.region.upper - clamp.region.lower).minCoeff() > kSamePlace;
+  });
+}
+
+TriangleMesh mesh_of_bars(const ScanCapture& capture, const ScanTarget& target, int cells) {
+  MechanicalCapture bars;
+  bars.name = target.name;
+  bars.width = capture.width;
+  bars.height = capture.height;
+  bars.frame_count = 1;
+  for (const ScanClamp& clamp : target.clamps) {
+    MechanicalFixture fixture;
+    fixture.frames = {Clip{clamp.region, Vec3::Zero(), Eigen::Quaterniond::Identity()}};
+    fixture.forces.resize(3, 0);
+    bars.fixtures.push_back(fixture);
+  }
+  MechanicalOptions options;
+  options.cells = cells;
+  options.pattern = GridPattern::uniform;
+  return prepare_mechanical(bars, options)->stages.front().mesh;
+}
+
+TriangleMesh simulated_mesh(const ScanCapture& capture, const ScanTarget& target,
+                            const ScanShape& shape, const ScanOptions& options) {
   if (options.cells == 0) {
-    if (const auto lines = grid_of(shape.mesh)) return *lines;
+    if (const auto lines = grid_of(shape.mesh))
+      return make_swatch(lines->u, lines->v, GridPattern::uniform);
     throw Error(fmt::format(
         "target \"{}\": its vertices are no grid of rows and columns; say on how many cells to "
         "simulate it",
         target.name));
   }
+  if (only_broad_bars(target)) return mesh_of_bars(capture, target, options.cells);
   const double spacing = std::min(capture.width, capture.height) / options.cells;
-  return {
-      grid_lines(capture.width, borders_along(0, target.clamps, capture.height, spacing), spacing),
-      grid_lines(capture.height, borders_along(1, target.clamps, capture.width, spacing), spacing)};
+  return make_swatch(grid_lines(capture.width, borders_along(0, target.clamps), spacing),
+                     grid_lines(capture.height, borders_along(1, target.clamps), spacing),
+                     GridPattern::uniform);
 }
 
 bool equally_spaced(const std::vector<double>& lines) {
@@ -213,8 +231,8 @@ std::shared_ptr<const ScanTrial> prepare_target(const ScanCapture& capture,
     trial->shape.weights = VecX::Ones(trial->shape.mesh.vertex_count());
   trial->areal_density = capture.areal_density;
   trial->grain_angle = capture.grain_angle;
-  const Lines lines = simulated_lines(capture, target, trial->shape, options);
-  trial->mesh = make_swatch(lines.u, lines.v, GridPattern::uniform);
+  trial->mesh = simulated_mesh(capture, target, trial->shape, options);
+  const Lines lines = grid_of(trial->mesh).value();
   hold(*trial);
 
   DescriptorGrid& grid = trial->grid;

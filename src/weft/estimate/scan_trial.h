@@ -13,8 +13,9 @@
 namespace weft {
 
 struct ScanOptions {
-  /// Cells of the simulated grid across the shorter side of the swatch, 2 to 200. 0: the grid that
-  /// was registered, which then must be one.
+  /// Cells of the simulated grid across the shorter side of the swatch, 2 to 200; where bars that
+  /// hold an area are all that holds the cloth, across the shortest free side, finer beside the
+  /// bars (mechanical_trial.h). 0: the grid that was registered, which then must be one.
   int cells = 0;
   DescriptorKind descriptor = DescriptorKind::fourier;
 };
