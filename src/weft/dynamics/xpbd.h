@@ -78,6 +78,13 @@ enum class XpbdDerivatives {
   at_rest,
 };
 
+enum class XpbdMultipliers {
+  kept,  ///< from step to step, as above
+  /// From zero in each step, as is usual: where the cloth comes to rest depends on the number of
+  /// sweeps, and the net force there is not zero. To compare with.
+  from_zero,
+};
+
 /// A force on a vertex, such as a share of a weight that hangs on a clip.
 struct PointLoad {
   int vertex = 0;
@@ -90,8 +97,12 @@ struct XpbdOptions {
       loads;  ///< on vertices that are not pinned, or they are part of a reaction
   XpbdBending bending = XpbdBending::dihedral;
   XpbdSweep sweep = XpbdSweep::gauss_seidel;
-  double time_step = 2e-3;        ///< s, > 0
-  int sweeps_per_step = 1;        ///< >= 1
+  /// s. 0: automatic; the masses of the vertices are then not those of the cloth but in proportion
+  /// to their stiffness, so that nothing depends on the unit of time, and grow with the tension;
+  /// where the iteration diverges all the same, it starts again with larger ones.
+  double time_step = 0;
+  int sweeps_per_step = 1;  ///< >= 1; one is fastest with the automatic step
+  XpbdMultipliers multipliers = XpbdMultipliers::kept;
   double force_tolerance = 1e-6;  ///< N, largest net force on a free vertex; > 0
   int max_iterations = 200000;    ///< sweeps; >= 1
   XpbdDerivatives derivatives = XpbdDerivatives::none;
