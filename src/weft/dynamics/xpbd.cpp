@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 
 #include "weft/base/error.h"
 #include "weft/dynamics/xpbd_sheet.h"
@@ -14,6 +15,9 @@ using xpbd::Record;
 using xpbd::Records;
 
 constexpr int kStepsBetweenChecks = 25;
+// In so many steps the least residual is to fall by this factor, or the masses are doubled.
+constexpr int kWindow = 3000;
+constexpr double kLeastProgress = 0.7;
 constexpr int kMostRestarts = 8;
 constexpr double kFurthest = 100;      // times the size of the swatch: the iteration has diverged
 constexpr double kLargestForce = 1e3;  // times the largest at the start and all that acts: likewise
@@ -77,8 +81,10 @@ class Relaxation {
   XpbdEquilibrium run();
 
  private:
-  /// From the start, with vertices that are heavier by 1 / `lightness`.
-  void begin(double lightness);
+  /// From the start, at rest.
+  void begin();
+  void scale_masses(double factor);
+  bool is_stuck(double residual);
   void start_derivatives();
   void step();
   void stop_what_turned();
@@ -113,6 +119,10 @@ class Relaxation {
   std::array<double, kSheetParameters> scale_{};  // of the derivatives of the force
   int sweeps_ = 0;
   bool derivatives_ = false;
+  // Of the window at hand and the one before, N.
+  double least_ = std::numeric_limits<double>::infinity();
+  double least_before_ = std::numeric_limits<double>::infinity();
+  int checks_ = 0;
 };
 
 Relaxation::Relaxation(const TriangleMesh& mesh, const OrthotropicSheet& sheet,
@@ -140,21 +150,35 @@ Relaxation::Relaxation(const TriangleMesh& mesh, const OrthotropicSheet& sheet,
     const double w = system_.inverse_mass(i);
     masses_.push_back(w > 0 ? 1 / w : 0);
   }
-  begin(1);
+  begin();
   double acting = 0;
   for (const Record& f : force_) acting += std::sqrt(dot(f, f));
   largest_force_ = kLargestForce * std::max(residual(), acting);
 }
 
-void Relaxation::begin(double lightness) {
+void Relaxation::begin() {
   system_.set_positions(start_);
   system_.scale_multipliers(0);
   v_.assign(force_.size(), Record{});
-  for (std::size_t i = 0; i < masses_.size(); ++i) {
-    masses_[i] /= lightness;
-    system_.set_inverse_mass(i, masses_[i] > 0 ? 1 / masses_[i] : 0);
-  }
   if (options_.derivatives == XpbdDerivatives::along_iterates) start_derivatives();
+}
+
+void Relaxation::scale_masses(double factor) {
+  for_free_vertices([&](std::size_t i) {
+    masses_[i] *= factor;
+    system_.set_inverse_mass(i, 1 / masses_[i]);
+  });
+}
+
+/// Neither falling nor so large that it counts as diverged: a cycle of masses that are too small.
+bool Relaxation::is_stuck(double residual) {
+  least_ = std::min(least_, residual);
+  if (++checks_ < kWindow / kStepsBetweenChecks) return false;
+  const bool stuck = least_ > kLeastProgress * least_before_;
+  least_before_ = stuck ? std::numeric_limits<double>::infinity() : least_;
+  least_ = std::numeric_limits<double>::infinity();
+  checks_ = 0;
+  return stuck;
 }
 
 void Relaxation::start_derivatives() {
@@ -275,9 +299,11 @@ XpbdEquilibrium Relaxation::run() {
     result.residual = residual();
     if (has_diverged(result.residual)) {
       if (options_.time_step > 0 || ++restarts > kMostRestarts) break;
-      begin(0.25);
+      scale_masses(4);
+      begin();
       continue;
     }
+    if (options_.time_step == 0 && !derivatives_ && is_stuck(result.residual)) scale_masses(2);
     if (result.residual > options_.force_tolerance) continue;
     if (options_.derivatives == XpbdDerivatives::none) {
       result.converged = true;

@@ -9,7 +9,7 @@ constexpr int kBendParameter = 4;
 // An explicit step would be stable with a lightness below 4 (Gershgorin's bound; about 10 in fact).
 // With 16 the number of steps to rest is near its least; from 50 on they may diverge.
 constexpr double kLightness = 16;
-constexpr double kJacobiLightness = 4;
+constexpr double kJacobiLightness = 2;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
