@@ -125,7 +125,7 @@ void table1(const Arguments& arguments, bool noisy) {
     write_scan_capture(arguments.out / (noisy ? "noise" : "table1"), targets.capture,
                        targets.shapes);
   const auto trials = prepare_scan(targets.capture, targets.shapes, scan);
-  const ScanProblem problem(trials, make_static_solver(), truth, default_scan_parameters());
+  const ScanProblem problem(trials, arguments.make_solver(), truth, default_scan_parameters());
   print_targets(problem, truth, "at the truth");
   const ScanFitResult fit = fit_scan(problem, start, arguments.fit, [](const ScanFitStep& step) {
     fmt::print(stderr, "{} {} cost {:.6g} best {:.6g}\n", step.evaluation, step.phase, step.cost,
@@ -149,6 +149,8 @@ Arguments parse(int argc, char** argv) {
       arguments.data = argv[++i];
     else if (word == "--fabric" && i + 1 < argc)
       arguments.fabrics = {argv[++i]};
+    else if (word == "--solver" && i + 1 < argc)
+      arguments.solver = argv[++i];
     else if (word == "--out" && i + 1 < argc)
       arguments.out = argv[++i];
     else if (word == "--balance" && i + 1 < argc)

@@ -112,7 +112,7 @@ void fit_mechanical_fabric(const Arguments& arguments, const std::string& name) 
   for (const auto& free : sets) {
     fmt::print("\n{}: {} targets on {} cells, {} unknowns\n", name, trials.size(), arguments.cells,
                free.size());
-    const ScanProblem problem(trials, make_static_solver(), start, free);
+    const ScanProblem problem(trials, arguments.make_solver(), start, free);
     if (free.size() > 5) print_targets(problem, truth, "at the truth");
     const ScanFitResult fit = fit_scan(problem, start, arguments.fit);
     print_fit(fit, &truth);
@@ -190,7 +190,7 @@ void capture_scans(const Arguments& arguments) {
     wrong.b *= 3;
     const Fabric start = orthotropic_fabric("start", stiffness_of(wrong));
     fmt::print("\n{}: {} targets on {} cells\n", name, trials.size(), arguments.cells);
-    const ScanProblem problem(trials, make_static_solver(), start, default_scan_parameters());
+    const ScanProblem problem(trials, arguments.make_solver(), start, default_scan_parameters());
     print_targets(problem, source, "at the source's continuum values");
     const ScanFitResult fit = fit_scan(problem, start, arguments.fit);
     print_fit(fit, &source);

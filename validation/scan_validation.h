@@ -17,6 +17,11 @@ struct Arguments {
   std::filesystem::path data;
   std::vector<std::string> fabrics;  ///< empty: all
   ScanFitOptions fit;
+  std::string solver = "static";
+  std::shared_ptr<const EquilibriumSolver> make_solver() const {
+    if (solver == "xpbd") return make_xpbd_solver();
+    return make_static_solver();
+  }
   bool has(const std::string& part) const {
     return std::find(parts.begin(), parts.end(), part) != parts.end();
   }

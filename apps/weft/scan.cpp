@@ -17,9 +17,11 @@ void ScanArguments::add_to(CLI::App& command) {
       ->check(CLI::IsMember({"position", "strain", "energy", "fourier"}))
       ->capture_default_str();
   command
-      .add_option("--solver", solver_,
-                  "scans: how an equilibrium is found: static (Newton's method on the energy)")
-      ->check(CLI::IsMember({"static"}))
+      .add_option(
+          "--solver", solver_,
+          "scans: how an equilibrium is found: static (Newton's method on the energy) or xpbd (one "
+          "rigidity of bending, slower)")
+      ->check(CLI::IsMember({"static", "xpbd"}))
       ->capture_default_str();
 }
 
@@ -32,6 +34,7 @@ ScanOptions ScanArguments::options(const CLI::App& command) const {
 }
 
 std::shared_ptr<const EquilibriumSolver> ScanArguments::solver() const {
+  if (solver_ == "xpbd") return make_xpbd_solver();
   return make_static_solver();
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "weft/dynamics/simulate.h"
+#include "weft/dynamics/xpbd.h"
 #include "weft/fabric/fabric.h"
 #include "weft/mesh/triangle_mesh.h"
 
@@ -46,8 +47,18 @@ class EquilibriumSolver {
                                 HeldDerivatives derivatives) const = 0;
 };
 
+/// Derivatives once the shape is at rest, bending by curvature.
+XpbdOptions xpbd_solver_options();
+
 /// Newton's method on the energy (solve_static), derivatives by the implicit function theorem with
 /// the exact Hessian; any elastic model.
 std::unique_ptr<EquilibriumSolver> make_static_solver(const StaticOptions& options = {});
+
+/// XPBD (xpbd.h) with the bending of the model "stvk" (XpbdBending::curvature) unless `options` say
+/// otherwise; their gravity, loads and derivatives are not read. Takes fabrics of model "stvk"
+/// whose plate has one rigidity b: bend_uu = bend_vv = b, bend_twist = b / 2; bend_uv counts as
+/// zero. The derivatives by b stand in the column of bend_uu, those of bend_vv and bend_twist are
+/// zero: right where the three move together.
+std::unique_ptr<EquilibriumSolver> make_xpbd_solver(XpbdOptions options = xpbd_solver_options());
 
 }  // namespace weft
