@@ -6,6 +6,7 @@
 
 #include "commands.h"
 #include "mechanical.h"
+#include "scan.h"
 #include "weft/capture/capture.h"
 #include "weft/vision/silhouette.h"
 
@@ -30,6 +31,10 @@ void print_fixtures(const Capture& capture) {
 void run(const Arguments& arguments) {
   if (capture_kind(arguments.capture) == CaptureKind::mechanical) {
     check_mechanical(arguments.capture);
+    return;
+  }
+  if (capture_kind(arguments.capture) == CaptureKind::scan) {
+    check_scan(arguments.capture);
     return;
   }
   const Capture capture = read_capture(arguments.capture);

@@ -8,6 +8,7 @@
 #include "commands.h"
 #include "mechanical.h"
 #include "options.h"
+#include "scan.h"
 #include "weft/capture/capture.h"
 #include "weft/estimate/evaluate_capture.h"
 
@@ -20,6 +21,7 @@ struct Arguments {
   bool json = false;
   TrialArguments trial;
   MechanicalArguments mechanical;
+  ScanArguments scan;
 };
 
 nlohmann::json to_json(const CaptureEvaluation::Part& part) {
@@ -100,17 +102,26 @@ void add_evaluate(CLI::App& app) {
   auto* command = app.add_subcommand("evaluate",
                                      "how well a fabric explains a capture: fit frames and later "
                                      "ones of a video apart; forces and "
-                                     "shapes of a mechanical test");
+                                     "shapes of a mechanical test or a scan");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
   command->add_flag("--json", arguments->json, "print one JSON object");
   arguments->trial.add_to(*command);
   arguments->mechanical.add_to(*command);
+  arguments->scan.add_to(*command);
   command->footer(
       "Example:\n  weft evaluate data/captures/cotton_waving_A --fabric out/fabric.toml --json");
   command->callback([arguments, command] {
-    if (capture_kind(arguments->capture) == CaptureKind::mechanical) {
+    const CaptureKind kind = capture_kind(arguments->capture);
+    if (kind == CaptureKind::scan) {
+      refuse_options(*command, video_option_names(), "a scan");
+      evaluate_scan(arguments->capture, arguments->fabric, arguments->scan.options(*command),
+                    *arguments->scan.solver(), arguments->json, arguments->trial.threads());
+      return;
+    }
+    refuse_options(*command, ScanArguments::names(), "anything but a scan");
+    if (kind == CaptureKind::mechanical) {
       refuse_options(*command, video_option_names(), "a mechanical capture");
       run_mechanical(*arguments);
     } else {

@@ -7,6 +7,7 @@
 #include "commands.h"
 #include "weft/base/error.h"
 #include "weft/fabric/fabric.h"
+#include "weft/fabric/orthotropic.h"
 
 namespace weft::app {
 namespace {
@@ -99,6 +100,13 @@ void run(const Arguments& arguments) {
     fmt::print("  {:<18}", fabric.name);
     for (double value : fabric.values) fmt::print(" {:>9.3g}", value);
     fmt::print("  {}\n", fabric.provenance);
+  }
+  fmt::print("\npresets of model stvk\n  {:<24} {:>8} {:>8} {:>8} {:>7} {:>9}\n", "name", "E_u N/m",
+             "E_v N/m", "mu N/m", "nu", "b N m");
+  for (const Fabric& fabric : orthotropic_presets()) {
+    const OrthotropicModuli m = moduli_of(stiffness_of(fabric));
+    fmt::print("  {:<24} {:>8.4g} {:>8.4g} {:>8.4g} {:>7.4g} {:>9.3g}  {}\n", fabric.name, m.e_u,
+               m.e_v, m.shear, m.poisson, m.b, fabric.provenance);
   }
 }
 

@@ -19,6 +19,7 @@
 #include "mechanical_beside.h"
 #include "options.h"
 #include "report_of_fit.h"
+#include "scan.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
@@ -58,6 +59,8 @@ struct Arguments {
   MechanicalArguments mechanical;
   MechanicalFitArguments mechanical_fit;  // what only mechanical captures have
   CurveFitArguments curves;
+  ScanArguments scan;
+  ScanFitArguments scan_fit;  // what only scans have
 };
 
 /// What both methods share, over the defaults of each.
@@ -406,10 +409,40 @@ void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   run_mechanical_fit(fit);
 }
 
+void run_scan(const Arguments& arguments, const CLI::App& command) {
+  refuse_options(command, kVideoFitOptions, "scans");
+  refuse_options(command, video_option_names(), "scans");
+  refuse_options(command, kMechanicalFitOptions, "scans");
+  refuse_options(command, {"--start", "--model"}, "scans");
+  ScanFitArguments fit = arguments.scan_fit;
+  fit.captures = arguments.captures;
+  fit.out = arguments.out;
+  fit.initial = arguments.initial;
+  fit.name = arguments.name;
+  if (!arguments.parameters.empty()) fit.parameters = arguments.parameters;
+  fit.seed = arguments.seed;
+  fit.overwrite = arguments.overwrite;
+  fit.threads = arguments.trial.threads();
+  fit.options = arguments.scan.options(command);
+  fit.solver = arguments.scan.solver();
+  run_scan_fit(fit);
+}
+
 void run_by_kind(Arguments& arguments, const CLI::App& command) {
-  for (const std::string& folder : arguments.captures)
-    (capture_kind(folder) == CaptureKind::video ? arguments.videos : arguments.tests)
-        .push_back(folder);
+  std::size_t scans = 0;
+  for (const std::string& folder : arguments.captures) {
+    const CaptureKind kind = capture_kind(folder);
+    scans += kind == CaptureKind::scan;
+    (kind == CaptureKind::video ? arguments.videos : arguments.tests).push_back(folder);
+  }
+  if (scans == arguments.captures.size()) {
+    run_scan(arguments, command);
+    return;
+  }
+  if (scans > 0)
+    throw Error("captures: scans cannot be fitted together with videos or mechanical captures");
+  refuse_options(command, ScanArguments::names(), "anything but scans");
+  refuse_options(command, ScanFitArguments::names(), "anything but scans");
   if (arguments.videos.empty()) {
     run_mechanical(arguments, command);
     return;
@@ -437,7 +470,8 @@ void add_fit(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   command
       ->add_option("captures", arguments->captures,
-                   "capture folders of one fabric: videos, mechanical tests, or both")
+                   "capture folders of one fabric: videos, mechanical "
+                   "tests, or both; or scans")
       ->required();
   command
       ->add_option("--out", arguments->out,
@@ -514,6 +548,8 @@ void add_fit(CLI::App& app) {
                    "mechanical captures: standard deviation of a coordinate, m")
       ->check(number_in(1e-9, 1))
       ->capture_default_str();
+  arguments->scan.add_to(*command);
+  arguments->scan_fit.add_to(*command);
   command->footer(
       "Examples:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150\n"
       "  weft fit stretch_weft stretch_warp shear bend_weft bend_warp --out out/denim --model "

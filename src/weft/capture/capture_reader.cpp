@@ -42,10 +42,16 @@ class CaptureReader {
   void read_head() {
     file_.choice("format", {"weft-capture"});
     file_.integer("version", 1, 1);
-    if (file_.string("kind") == "mechanical") {
+    const std::string kind = file_.string("kind");
+    if (kind == "mechanical") {
       throw error_at(file_.where("kind"),
                      "a mechanical capture; this command needs a video, mechanical ones go to "
                      "weft check, weft evaluate and weft fit");
+    }
+    if (kind == "scan") {
+      throw error_at(file_.where("kind"),
+                     "a scan; this command needs a video, scans go to weft check, weft evaluate "
+                     "and weft fit");
     }
     file_.choice("kind", {"video"});
     capture_.folder = folder_;

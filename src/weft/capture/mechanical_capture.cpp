@@ -324,8 +324,9 @@ class MechanicalReader {
 CaptureKind capture_kind(const std::filesystem::path& folder) {
   const TomlTable file = parse_capture(folder);
   file.choice("format", {"weft-capture"});
-  return file.choice("kind", {"video", "mechanical"}) == "video" ? CaptureKind::video
-                                                                 : CaptureKind::mechanical;
+  const std::string kind = file.choice("kind", {"video", "mechanical", "scan"});
+  if (kind == "video") return CaptureKind::video;
+  return kind == "mechanical" ? CaptureKind::mechanical : CaptureKind::scan;
 }
 
 std::vector<Clip> MechanicalCapture::clips(int frame) const {

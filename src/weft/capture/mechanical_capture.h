@@ -9,7 +9,7 @@
 namespace weft {
 
 /// What a capture.toml says it is, so that a program can choose the reader.
-enum class CaptureKind { video, mechanical };
+enum class CaptureKind { video, mechanical, scan };
 /// Reads nothing but the format and the kind of the capture in `folder`. Throws Error for a folder
 /// without capture.toml, another format and another kind.
 CaptureKind capture_kind(const std::filesystem::path& folder);

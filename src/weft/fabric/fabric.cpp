@@ -11,6 +11,7 @@
 #include "weft/base/toml_reader.h"
 #include "weft/fabric/arcsim_material.h"
 #include "weft/fabric/kes_fabric.h"
+#include "weft/fabric/orthotropic.h"
 #include "weft/fabric/presets.h"
 #include "weft/fabric/prior.h"
 
@@ -229,6 +230,7 @@ std::string row_text(const Fabric& fabric, int row) {
 std::string preset_names() {
   std::string names;
   for (const Fabric& preset : fabric_presets()) names += (names.empty() ? "" : ", ") + preset.name;
+  for (const Fabric& preset : orthotropic_presets()) names += ", " + preset.name;
   return names;
 }
 
@@ -423,6 +425,8 @@ std::vector<ParameterPrior> read_priors(const std::filesystem::path& path) {
 std::vector<ParameterPrior> find_priors(const std::string& name_or_path) {
   for (const Fabric& preset : fabric_presets())
     if (preset.name == name_or_path || preset.name == name_or_path + "-waving") return {};
+  for (const Fabric& preset : orthotropic_presets())
+    if (preset.name == name_or_path) return {};
   return read_priors(name_or_path);
 }
 
@@ -448,6 +452,8 @@ const std::vector<Fabric>& fabric_presets() {
 Fabric find_fabric(const std::string& name_or_path) {
   for (const Fabric& preset : fabric_presets())
     if (preset.name == name_or_path || preset.name == name_or_path + "-waving") return preset;
+  for (const Fabric& preset : orthotropic_presets())
+    if (preset.name == name_or_path) return preset;
   std::error_code ignored;
   if (std::filesystem::is_regular_file(name_or_path, ignored)) {
     const std::filesystem::path path = name_or_path;

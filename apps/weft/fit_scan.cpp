@@ -1,0 +1,223 @@
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+
+#include "command_line.h"
+#include "options.h"
+#include "report_of_fit.h"
+#include "scan.h"
+#include "weft/base/error.h"
+#include "weft/base/interrupt.h"
+#include "weft/base/parallel.h"
+#include "weft/base/progress.h"
+#include "weft/fabric/orthotropic.h"
+#include "weft/report/result.h"
+
+namespace weft::app {
+namespace {
+
+/// Where nothing is known: the middle of what cloth is.
+constexpr OrthotropicModuli kUsualCloth{200, 200, 40, 0.3, 5e-6};
+
+Fabric start_fabric(const ScanFitArguments& arguments, const std::vector<ScanCapture>& captures) {
+  Fabric fabric = arguments.initial.empty()
+                      ? orthotropic_fabric(captures.front().name, stiffness_of(kUsualCloth))
+                      : find_fabric(arguments.initial);
+  require_model(fabric, "stvk");
+  fabric.name = arguments.name.empty() ? captures.front().name : arguments.name;
+  fabric.areal_density = captures.front().areal_density;
+  fabric.provenance =
+      fmt::format("fitted to {} by weft " WEFT_VERSION, fmt::join(arguments.captures, ", "));
+  return fabric;
+}
+
+/// The values of the fabric one by one; tied ones share the interval of what they are tied to.
+std::vector<ReportParameter> report_parameters(const ScanProblem& problem,
+                                               const ScanFitResult& fit) {
+  std::vector<ReportParameter> list;
+  for (int i = 0; i < fit.fabric.values.size(); ++i) {
+    ReportParameter p = report_parameter(fit.fabric.info(i), fit.fabric, nullptr);
+    p.initial = fit.start.values[i];
+    p.free = false;
+    p.at_bound = ReportParameter::Bound::none;
+    for (std::size_t k = 0; k < problem.parameters().size(); ++k) {
+      for (const auto& [index, factor] : problem.parameters()[k].values) {
+        if (index != i) continue;
+        p.free = true;
+        if (fit.intervals.empty()) continue;
+        const ParameterInterval& interval = fit.intervals[k];
+        p.determined = interval.determined;
+        p.interval_lower = factor * interval.lower;
+        p.interval_upper = factor * interval.upper;
+        if (interval.at_lower) p.at_bound = ReportParameter::Bound::lower;
+        if (interval.at_upper) p.at_bound = ReportParameter::Bound::upper;
+      }
+    }
+    list.push_back(p);
+  }
+  return list;
+}
+
+Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem,
+                   const ScanFitResult& fit, const std::string& names) {
+  Report report;
+  report.title = fmt::format("Fit of {}", names);
+  report.fabric = fit.fabric.name;
+  report.model = fit.fabric.model;
+  report.program_version = WEFT_VERSION;
+  report.command = command_line();
+  report.created = now();
+  report.method = "least squares on shapes and forces at equilibrium";
+  report.seed = arguments.seed;
+  report.stopped = fit.stopped;
+  report.error_initial = fit.cost_start;
+  report.error = fit.cost;
+  report.error_meaning =
+      "mean of squared differences of descriptor entries and forces, each divided by its noise";
+  report.evaluations = fit.evaluations;
+  report.wall_s = fit.wall_s;
+  report.threads = arguments.threads ? arguments.threads : hardware_threads();
+  report.settings = {{"descriptor", std::string(name_of(arguments.options.descriptor))},
+                     {"solver", std::string(problem.solver().name())},
+                     {"cells", static_cast<std::int64_t>(arguments.options.cells)},
+                     {"schedule", arguments.schedule},
+                     {"balance", arguments.balance},
+                     {"random starts", static_cast<std::int64_t>(arguments.random_starts)}};
+  report.parameters = report_parameters(problem, fit);
+  for (const ScanFitStep& step : fit.history) {
+    report.history.push_back({step.evaluation, step.phase, step.cost, step.best, 0});
+    if (!std::isfinite(step.cost)) ++report.diverged;
+  }
+  if (fit.inexact > 0)
+    report.remarks.push_back(
+        fmt::format("In {} targets the shape is at the limit of stability: the intervals rest on "
+                    "derivatives that are not exact there.",
+                    fit.inexact));
+  return report;
+}
+
+nlohmann::json moduli_json(const OrthotropicModuli& m) {
+  return {{"E_u", m.e_u}, {"E_v", m.e_v}, {"mu", m.shear}, {"nu", m.poisson}, {"b", m.b}};
+}
+
+std::string result_text(const Report& report, const ScanFitResult& fit,
+                        const std::vector<std::shared_ptr<const ScanTrial>>& trials,
+                        const std::vector<ScanDifference>& differences) {
+  nlohmann::json result = nlohmann::json::parse(result_to_json(report));
+  nlohmann::json ends = nlohmann::json::array();
+  for (const ScanFitEnd& end : fit.ends) {
+    nlohmann::json object = moduli_json(moduli_of(stiffness_of(end.fabric)));
+    object["error"] = std::isfinite(end.cost) ? nlohmann::json(end.cost) : nlohmann::json(nullptr);
+    object["iterations"] = end.iterations;
+    object["start"] = moduli_json(moduli_of(stiffness_of(end.start)));
+    ends.push_back(object);
+  }
+  nlohmann::json targets = scan_json(trials, differences);
+  for (std::size_t i = 0; i < targets.size(); ++i)
+    targets[i]["noise_factor"] = fit.scales[static_cast<Eigen::Index>(i)];
+  result["scan"] = {{"moduli", moduli_json(moduli_of(stiffness_of(fit.fabric)))},
+                    {"iterations", fit.iterations},
+                    {"starts", ends},
+                    {"shape_rms", fit.shape_rms},
+                    {"force_rms", fit.force_rms},
+                    {"targets", targets}};
+  return result.dump(2) + "\n";
+}
+
+void print_result(const ScanFitResult& fit, const Report& report,
+                  const std::vector<std::shared_ptr<const ScanTrial>>& trials,
+                  const std::vector<ScanDifference>& differences) {
+  for (const ParameterInterval& p : fit.intervals) {
+    std::string certainty = p.determined ? fmt::format("{:.4g} to {:.4g}", p.lower, p.upper)
+                                         : "not determined by the data";
+    if (p.at_lower || p.at_upper) certainty += ", at the end of its range";
+    fmt::print("{:<20} {:>12.5g} {:<11} {}\n", p.name, p.value, p.unit, certainty);
+  }
+  const OrthotropicModuli m = moduli_of(stiffness_of(fit.fabric));
+  fmt::print("E_u {:.5g}, E_v {:.5g}, mu {:.5g} N/m, nu {:.4g}, b {:.5g} N m\n", m.e_u, m.e_v,
+             m.shear, m.poisson, m.b);
+  fmt::print("error {:.5g}, at the start {:.5g}; {} iterations, {} evaluations in {:.1f} s\n",
+             report.error, report.error_initial, fit.iterations, report.evaluations, report.wall_s);
+  for (std::size_t i = 0; i < trials.size(); ++i)
+    fmt::print("{}", scan_summary(*trials[i], differences[i]));
+  for (const std::string& remark : report.remarks) fmt::print("warning: {}\n", remark);
+}
+
+}  // namespace
+
+void ScanFitArguments::add_to(CLI::App& command) {
+  command
+      .add_option("--schedule", schedule,
+                  "scans: together: all parameters at once; alternating: bending, then membrane, "
+                  "--rounds times")
+      ->check(CLI::IsMember({"together", "alternating"}))
+      ->capture_default_str();
+  command.add_option("--rounds", rounds, "scans: of --schedule alternating")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  command
+      .add_option("--balance", balance,
+                  "scans: what divides shapes and forces before they are added: noise, as the "
+                  "capture states it, or residual, what is left of each target after a fit with "
+                  "noise, where that is more")
+      ->check(CLI::IsMember({"noise", "residual"}))
+      ->capture_default_str();
+  command
+      .add_option("--random-starts", random_starts,
+                  "scans: fits from moduli within a factor of 3 of the start, besides the one from "
+                  "there; the best end counts")
+      ->check(CLI::Range(0, 100))
+      ->capture_default_str();
+}
+
+const std::vector<std::string>& ScanFitArguments::names() {
+  static const std::vector<std::string> names{"--schedule", "--rounds", "--balance",
+                                              "--random-starts"};
+  return names;
+}
+
+void run_scan_fit(const ScanFitArguments& arguments) {
+  const InterruptGuard guard;
+  const std::filesystem::path out = arguments.out;
+  std::vector<ScanCapture> captures;
+  std::vector<std::string> names;
+  std::vector<std::shared_ptr<const ScanTrial>> trials;
+  for (const std::string& folder : arguments.captures) {
+    captures.push_back(read_scan_capture(folder));
+    names.push_back(captures.back().name);
+    for (const auto& trial : prepare_scan(captures.back(), arguments.options))
+      trials.push_back(trial);
+  }
+  const Fabric initial = start_fabric(arguments, captures);
+  ScanFitOptions options;
+  options.schedule = scan_schedule_from_name(arguments.schedule);
+  options.rounds = arguments.rounds;
+  options.balance = scan_balance_from_name(arguments.balance);
+  options.random_starts = arguments.random_starts;
+  options.seed = arguments.seed;
+  const ScanProblem problem(trials, arguments.solver, initial, arguments.parameters, {},
+                            arguments.threads);
+  prepare_output_folder(out, {"result.json", "fabric.toml"},
+                        arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  Progress progress("least squares", 0);
+  const ScanFitResult fit = fit_scan(problem, initial, options, [&](const ScanFitStep& step) {
+    progress.update(step.evaluation,
+                    fmt::format("{}: error {:.4g}, best {:.4g}", step.phase, step.cost, step.best));
+    return !interrupted();
+  });
+  progress.finish();
+  write_fabric(out / "fabric.toml", fit.fabric);
+  const auto simulations = simulate_scans(trials, *arguments.solver, fit.fabric,
+                                          HeldDerivatives::none, arguments.threads);
+  std::vector<ScanDifference> differences;
+  for (std::size_t i = 0; i < trials.size(); ++i)
+    differences.push_back(compare_scan(*trials[i], simulations[i]));
+  const Report report =
+      make_report(arguments, problem, fit, fmt::format("{}", fmt::join(names, ", ")));
+  write_text(out / "result.json", result_text(report, fit, trials, differences));
+  print_result(fit, report, trials, differences);
+  if (report.stopped) throw CLI::RuntimeError(stopped_early);
+}
+
+}  // namespace weft::app

@@ -1,0 +1,131 @@
+#include "scan.h"
+
+#include <fmt/core.h>
+
+#include <numbers>
+
+#include "mechanical.h"
+#include "weft/base/error.h"
+
+namespace weft::app {
+
+void ScanArguments::add_to(CLI::App& command) {
+  command
+      .add_option("--descriptor", descriptor_,
+                  "scans: what of a shape is compared: position, strain, energy, or fourier (the "
+                  "magnitudes of its two-dimensional Fourier transform)")
+      ->check(CLI::IsMember({"position", "strain", "energy", "fourier"}))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--solver", solver_,
+          "scans: how an equilibrium is found: static (Newton's method on the energy) or xpbd (one "
+          "rigidity of bending, slower)")
+      ->check(CLI::IsMember({"static", "xpbd"}))
+      ->capture_default_str();
+}
+
+ScanOptions ScanArguments::options(const CLI::App& command) const {
+  ScanOptions options;
+  const CLI::Option* cells = command.get_option_no_throw("--cells");
+  if (cells && cells->count() > 0) options.cells = cells->as<int>();
+  options.descriptor = descriptor_from_name(descriptor_);
+  return options;
+}
+
+std::shared_ptr<const EquilibriumSolver> ScanArguments::solver() const {
+  if (solver_ == "xpbd") return make_xpbd_solver();
+  return make_static_solver();
+}
+
+const std::vector<std::string>& ScanArguments::names() {
+  static const std::vector<std::string> names{"--descriptor", "--solver"};
+  return names;
+}
+
+void check_scan(const std::string& folder) {
+  const ScanCapture capture = read_scan_capture(folder);
+  fmt::print("capture     {} (scan)\n", capture.name);
+  if (!capture.description.empty()) fmt::print("            {}\n", capture.description);
+  fmt::print("swatch      {:g} x {:g} m, {:g} kg/m^2, u of the fabric at {:g} degrees\n",
+             capture.width, capture.height, capture.areal_density,
+             capture.grain_angle * 180 / std::numbers::pi);
+  for (const ScanTarget& target : capture.targets) {
+    if (target.grid.empty()) {
+      fmt::print("target      {}: raw scan {}, to be registered\n", target.name,
+                 target.scan.filename().string());
+    } else {
+      const ScanShape shape = read_scan_shape(capture, target);
+      fmt::print("target      {}: {} vertices, {:.0f} of them measured, noise {:g} m\n",
+                 target.name, shape.mesh.vertex_count(), shape.weights.sum(), target.noise);
+    }
+    for (const ScanClamp& clamp : target.clamps) {
+      fmt::print("clamp       {} ({}): ({:g}, {:g}) to ({:g}, {:g}) m, ", clamp.name,
+                 clamp.kind == ClampKind::bar ? "bar" : "points", clamp.region.lower.x(),
+                 clamp.region.lower.y(), clamp.region.upper.x(), clamp.region.upper.y());
+      if (clamp.force)
+        fmt::print("{:.4g} N\n", *clamp.force);
+      else
+        fmt::print("force not measured\n");
+    }
+  }
+  fmt::print("truth       {}\n", capture.truth ? "declared; never read by a fit" : "none");
+  fmt::print("ok\n");
+}
+
+nlohmann::json scan_json(const std::vector<std::shared_ptr<const ScanTrial>>& trials,
+                         const std::vector<ScanDifference>& differences) {
+  nlohmann::json list = nlohmann::json::array();
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    const ScanDifference& d = differences[i];
+    nlohmann::json object = {{"name", trials[i]->target.name},
+                             {"converged", d.converged},
+                             {"net_force", json_number(d.residual)},
+                             {"near", d.near},
+                             {"within_near", json_number(d.within)}};
+    add_distance(object, d.distance);
+    nlohmann::json clamps = nlohmann::json::array();
+    for (std::size_t c = 0; c < trials[i]->target.clamps.size(); ++c) {
+      const ScanClamp& clamp = trials[i]->target.clamps[c];
+      nlohmann::json entry = {{"name", clamp.name},
+                              {"force", json_number(d.forces[static_cast<Eigen::Index>(c)])}};
+      if (clamp.force) entry["force_measured"] = *clamp.force;
+      clamps.push_back(entry);
+    }
+    object["clamps"] = clamps;
+    if (d.force_count > 0) object["force_rms"] = json_number(d.force_rms);
+    list.push_back(object);
+  }
+  return list;
+}
+
+std::string scan_summary(const ScanTrial& trial, const ScanDifference& d) {
+  std::string text = fmt::format(
+      "{}: distance mean {:.3f}, rms {:.3f}, max {:.2f} mm, {:.1f} % of the vertices within {:g} "
+      "mm",
+      trial.target.name, 1e3 * d.distance.mean, 1e3 * d.distance.rms, 1e3 * d.distance.max,
+      100 * d.within, 1e3 * d.near);
+  if (d.force_count > 0) text += fmt::format("; force {:.3g} N rms", d.force_rms);
+  if (!d.converged) text += fmt::format("; no equilibrium, {:.2g} N are left", d.residual);
+  return text + "\n";
+}
+
+void evaluate_scan(const std::string& folder, const std::string& fabric, const ScanOptions& options,
+                   const EquilibriumSolver& solver, bool json, int threads) {
+  const Fabric found = find_fabric(fabric);
+  const auto trials = prepare_scan(read_scan_capture(folder), options);
+  const auto simulations = simulate_scans(trials, solver, found, HeldDerivatives::none, threads);
+  std::vector<ScanDifference> differences;
+  for (std::size_t i = 0; i < trials.size(); ++i)
+    differences.push_back(compare_scan(*trials[i], simulations[i]));
+  if (json) {
+    fmt::print(
+        "{}\n",
+        nlohmann::json{{"kind", "scan"}, {"targets", scan_json(trials, differences)}}.dump(2));
+    return;
+  }
+  for (std::size_t i = 0; i < trials.size(); ++i)
+    fmt::print("{}", scan_summary(*trials[i], differences[i]));
+}
+
+}  // namespace weft::app

@@ -1,0 +1,57 @@
+#pragma once
+/// What the subcommands do with scans (kind = "scan").
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "weft/estimate/scan_fit.h"
+
+namespace weft::app {
+
+/// How a scan is computed and compared.
+class ScanArguments {
+ public:
+  void add_to(CLI::App& command);
+  /// `command`: whose --cells, an option of mechanical captures too, counts where it was given.
+  ScanOptions options(const CLI::App& command) const;
+  std::shared_ptr<const EquilibriumSolver> solver() const;
+  /// Options that only mean something for scans.
+  static const std::vector<std::string>& names();
+
+ private:
+  std::string descriptor_ = "fourier";
+  std::string solver_ = "static";
+};
+
+void check_scan(const std::string& folder);
+void evaluate_scan(const std::string& folder, const std::string& fabric, const ScanOptions& options,
+                   const EquilibriumSolver& solver, bool json, int threads);
+
+/// Of each target its differences.
+nlohmann::json scan_json(const std::vector<std::shared_ptr<const ScanTrial>>& trials,
+                         const std::vector<ScanDifference>& differences);
+/// A line a target.
+std::string scan_summary(const ScanTrial& trial, const ScanDifference& difference);
+
+struct ScanFitArguments {
+  std::vector<std::string> captures;
+  std::string out, initial, name;
+  std::vector<std::string> parameters = default_scan_parameters();
+  std::string schedule = "together";
+  std::string balance = "residual";
+  int rounds = ScanFitOptions().rounds;
+  int random_starts = ScanFitOptions().random_starts;
+  std::uint64_t seed = 1;
+  bool overwrite = false;
+  int threads = 0;
+  ScanOptions options;
+  std::shared_ptr<const EquilibriumSolver> solver;
+
+  void add_to(CLI::App& command);
+  static const std::vector<std::string>& names();
+};
+void run_scan_fit(const ScanFitArguments& arguments);
+
+}  // namespace weft::app

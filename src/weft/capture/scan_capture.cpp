@@ -1,0 +1,342 @@
+#include "weft/capture/scan_capture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <numbers>
+#include <set>
+
+#include "weft/base/toml_reader.h"
+#include "weft/capture/capture_checks.h"
+#include "weft/capture/table_file.h"
+#include "weft/mesh/mesh_io.h"
+
+namespace weft {
+namespace {
+
+constexpr Range kGrainAngle{-360, 360};  // degrees
+constexpr Range kForce{0, 1e4};          // N
+constexpr Range kWeight{0, 1e3};         // kg
+constexpr Range kForceNoise{1e-9, 1e3};  // N
+constexpr Range kNoise{1e-9, 0.1};       // m
+constexpr double kOnSwatch = 1e-6;       // m
+constexpr std::size_t kMostVertices = 1'000'000;
+
+TomlTable parse_capture(const std::filesystem::path& folder) {
+  if (!std::filesystem::is_directory(folder))
+    throw error_at({folder, 0, {}}, "not a folder; a capture is a folder with a capture.toml");
+  return TomlTable::parse_file(folder / "capture.toml");
+}
+
+/// A mesh from an OBJ whose vt are (u, v); programs with v upwards wind faces the other way round.
+TriangleMesh mesh_of(ObjMesh& obj, const std::filesystem::path& path) {
+  if (!obj.texture) throw error_at({path, 0, "vt"}, "each vertex needs one vt: its (u, v) in m");
+  TriangleMesh mesh{std::move(*obj.texture), std::move(obj.triangles)};
+  for (int t = 0; t < mesh.triangle_count(); ++t) {
+    auto& triangle = mesh.triangles[static_cast<std::size_t>(t)];
+    if (material_area(mesh, t) < 0) std::swap(triangle[1], triangle[2]);
+  }
+  validate(mesh, path.string());
+  return mesh;
+}
+
+class ScanReader {
+ public:
+  explicit ScanReader(const std::filesystem::path& folder)
+      : folder_(std::filesystem::absolute(folder).lexically_normal()),
+        file_(parse_capture(folder_)) {}
+
+  ScanCapture read() {
+    file_.choice("format", {"weft-capture"});
+    file_.integer("version", 1, 1);
+    const std::string kind = file_.choice("kind", {"video", "mechanical", "scan"});
+    if (kind != "scan")
+      throw error_at(file_.where("kind"),
+                     fmt::format("\"{}\"; a scan capture (kind = \"scan\") is needed here", kind));
+    capture_.folder = folder_;
+    capture_.name = file_.optional_string("name").value_or(
+        (folder_.has_filename() ? folder_ : folder_.parent_path()).filename().string());
+    capture_.description = file_.optional_string("description").value_or("");
+    read_swatch();
+    if (const auto world = file_.optional_table("world")) {
+      gravity_ = gravity_of(*world, gravity_);
+      world->finish();
+    }
+    const std::vector<TomlTable> targets = file_.tables("target");
+    if (targets.empty())
+      throw error_at({file_.file(), 0, "target"}, "missing; at least one [[target]] is needed");
+    for (const TomlTable& target : targets) read_target(target);
+    if (const auto truth = file_.optional_table("truth")) {
+      capture_.truth = folder_ / truth->string("parameters");
+      truth->finish();
+    }
+    file_.finish();
+    return std::move(capture_);
+  }
+
+ private:
+  void read_swatch() {
+    const TomlTable swatch = file_.table("swatch");
+    capture_.width = swatch.number("width", kSwatchSide);
+    capture_.height = swatch.number("height", kSwatchSide);
+    capture_.areal_density = swatch.number("areal_density", kArealDensity);
+    capture_.grain_angle =
+        swatch.optional_number("grain_angle_deg", kGrainAngle).value_or(0) * std::numbers::pi / 180;
+    swatch.finish();
+  }
+
+  static Vec3 gravity_of(const TomlTable& table, const Vec3& otherwise) {
+    if (!table.has("gravity")) return otherwise;
+    const std::vector<double> g = table.numbers("gravity", 3, kGravity);
+    return {g[0], g[1], g[2]};
+  }
+
+  /// An existing file that a key names; empty without the key.
+  std::filesystem::path file_named(const TomlTable& table, std::string_view key) const {
+    if (!table.has(key)) return {};
+    const std::filesystem::path path = folder_ / table.string(key);
+    if (!std::filesystem::is_regular_file(path))
+      throw error_at(table.where(key), fmt::format("no such file: {}", path.string()));
+    return path;
+  }
+
+  void read_target(const TomlTable& table) {
+    ScanTarget target;
+    target.name = table.string("name");
+    if (!names_.insert(target.name).second)
+      throw error_at(table.where("name"), fmt::format("two targets are named \"{}\"", target.name));
+    target.grid = file_named(table, "grid");
+    target.scan = file_named(table, "scan");
+    if (target.grid.empty() && target.scan.empty())
+      throw error_at(table.where(),
+                     "a target needs `grid`, a registered grid, or `scan`, a raw mesh or cloud");
+    for (const char* key : {"points", "frame", "weights", "start"})
+      if (target.grid.empty() && table.has(key))
+        throw error_at(table.where(key), "belongs to a `grid`, which this target does not have");
+    target.points = file_named(table, "points");
+    if (target.points.empty() && table.has("frame"))
+      throw error_at(table.where("frame"), "a sample of `points`, which this target does not have");
+    target.frame = table.optional_integer("frame", 0, kMaxFrames - 1).value_or(0);
+    target.weights = file_named(table, "weights");
+    target.start = file_named(table, "start");
+    target.noise = table.optional_number("noise", kNoise).value_or(target.noise);
+    target.gravity = gravity_of(table, gravity_);
+    std::set<std::string> names;
+    for (const TomlTable& clamp : table.tables("clamp")) read_clamp(clamp, names, target);
+    if (target.clamps.empty())
+      throw error_at(table.where(), "a target needs at least one [[target.clamp]]");
+    table.finish();
+    capture_.targets.push_back(std::move(target));
+  }
+
+  void read_clamp(const TomlTable& table, std::set<std::string>& names, ScanTarget& target) const {
+    ScanClamp clamp;
+    clamp.name = table.string("name");
+    if (!names.insert(clamp.name).second)
+      throw error_at(table.where("name"),
+                     fmt::format("two clamps of \"{}\" are named \"{}\"", target.name, clamp.name));
+    clamp.kind =
+        table.choice("kind", {"bar", "points"}) == "bar" ? ClampKind::bar : ClampKind::points;
+    if (table.has("region") == table.has("vertices"))
+      throw error_at(table.where(), "a clamp needs one of `region` and `vertices`");
+    if (table.has("region")) {
+      const MatX region = table.matrix("region", 2, 2);
+      clamp.region.lower = region.row(0);
+      clamp.region.upper = region.row(1);
+      check_region(table, clamp.region);
+    } else {
+      clamp.region = region_of_vertices(table, target);
+    }
+    if (table.has("force") && table.has("weight"))
+      throw error_at(table.where("weight"), "a clamp has `force` (N) or `weight` (kg), not both");
+    clamp.force = table.optional_number("force", kForce);
+    if (const auto weight = table.optional_number("weight", kWeight))
+      clamp.force = *weight * target.gravity.norm();
+    if (table.has("force_noise") && !clamp.force)
+      throw error_at(table.where("force_noise"),
+                     "belongs to a `force` or `weight`, which this clamp does not have");
+    clamp.force_noise =
+        table.optional_number("force_noise", kForceNoise).value_or(clamp.force_noise);
+    table.finish();
+    target.clamps.push_back(std::move(clamp));
+  }
+
+  void check_region(const TomlTable& table, const MaterialRectangle& region) const {
+    if (!(region.lower.array() <= region.upper.array()).all())
+      throw error_at(table.where("region"),
+                     "the first corner must not be above or right of the second");
+    if (region.lower.minCoeff() < -kOnSwatch || region.upper.x() > capture_.width + kOnSwatch ||
+        region.upper.y() > capture_.height + kOnSwatch)
+      throw error_at(table.where("region"),
+                     fmt::format("({:g}, {:g}) to ({:g}, {:g}) m reaches off the swatch of {:g} x "
+                                 "{:g} m",
+                                 region.lower.x(), region.lower.y(), region.upper.x(),
+                                 region.upper.y(), capture_.width, capture_.height));
+  }
+
+  /// The rectangle about the listed vertices of the grid, which must hold no others.
+  MaterialRectangle region_of_vertices(const TomlTable& table, const ScanTarget& target) const {
+    if (target.grid.empty())
+      throw error_at(table.where("vertices"), "of a `grid`, which this target does not have");
+    ObjMesh obj = read_obj(target.grid);
+    const TriangleMesh mesh = mesh_of(obj, target.grid);
+    const std::size_t count = table.array_size("vertices", 1, kMostVertices);
+    const std::vector<int> vertices = table.integers("vertices", count, 0, mesh.vertex_count() - 1);
+    const std::set<int> listed(vertices.begin(), vertices.end());
+    MaterialRectangle region{mesh.material.col(vertices.front()),
+                             mesh.material.col(vertices.front())};
+    for (const int v : vertices) {
+      region.lower = region.lower.cwiseMin(mesh.material.col(v));
+      region.upper = region.upper.cwiseMax(mesh.material.col(v));
+    }
+    for (int v = 0; v < mesh.vertex_count(); ++v)
+      if (region.contains(mesh.material.col(v)) && !listed.contains(v))
+        throw error_at(table.where("vertices"),
+                       fmt::format("the vertices of a clamp must fill a rectangle in (u, v); "
+                                   "vertex {} lies among them",
+                                   v));
+    return region;
+  }
+
+  std::filesystem::path folder_;
+  TomlTable file_;
+  ScanCapture capture_;
+  Vec3 gravity_{0, 0, -9.81};
+  std::set<std::string> names_;
+};
+
+void check_on_swatch(const ScanCapture& capture, const TriangleMesh& mesh,
+                     const std::filesystem::path& path) {
+  const Vec2 lower = mesh.material.rowwise().minCoeff(), upper = mesh.material.rowwise().maxCoeff();
+  if (lower.minCoeff() < -kOnSwatch || upper.x() > capture.width + kOnSwatch ||
+      upper.y() > capture.height + kOnSwatch)
+    throw error_at(
+        {path, 0, "vt"},
+        fmt::format("(u, v) from ({:g}, {:g}) to ({:g}, {:g}) m; the swatch is {:g} x "
+                    "{:g} m",
+                    lower.x(), lower.y(), upper.x(), upper.y(), capture.width, capture.height));
+}
+
+VecX read_weights(const std::filesystem::path& path, int vertices) {
+  const TableFile file(path);
+  if (file.row_count() != static_cast<std::size_t>(vertices))
+    throw error_at({path, 0, {}},
+                   fmt::format("{} rows; the grid has {} vertices", file.row_count(), vertices));
+  const VecX weights = file.numbers("weight");
+  for (Eigen::Index i = 0; i < weights.size(); ++i)
+    if (!(weights[i] >= 0 && weights[i] <= 1))
+      throw file.fail(static_cast<std::size_t>(i), "weight",
+                      fmt::format("{:g}; must be within [0, 1]", weights[i]));
+  return weights;
+}
+
+Points read_frame(const ScanTarget& target, int vertices) {
+  const std::vector<Points> frames = read_pc2(target.points).frames;
+  if (static_cast<std::size_t>(target.frame) >= frames.size())
+    throw error_at({target.points, 0, {}},
+                   fmt::format("{} samples; target \"{}\" asks for sample {}", frames.size(),
+                               target.name, target.frame));
+  const Points& x = frames[static_cast<std::size_t>(target.frame)];
+  if (x.cols() != vertices)
+    throw error_at({target.points, 0, {}}, fmt::format("{} points; {} has {} vertices", x.cols(),
+                                                       target.grid.filename().string(), vertices));
+  return x;
+}
+
+void write_text(const std::filesystem::path& path, const std::string& text) {
+  std::ofstream stream(path, std::ios::binary);
+  stream << text;
+  stream.close();
+  if (!stream) throw error_at({path, 0, {}}, "cannot be written");
+}
+
+std::string quoted(const std::string& text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') result += '\\';
+    result += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  }
+  return result + '"';
+}
+
+std::string clamp_text(const ScanClamp& clamp) {
+  std::string text = fmt::format(
+      "\n  [[target.clamp]]\n  name = {}\n  kind = \"{}\"\n  region = [[{}, {}], [{}, {}]]\n",
+      quoted(clamp.name), clamp.kind == ClampKind::bar ? "bar" : "points", clamp.region.lower.x(),
+      clamp.region.lower.y(), clamp.region.upper.x(), clamp.region.upper.y());
+  if (clamp.force)
+    text += fmt::format("  force = {}\n  force_noise = {}\n", *clamp.force, clamp.force_noise);
+  return text;
+}
+
+}  // namespace
+
+ScanCapture read_scan_capture(const std::filesystem::path& folder) {
+  return ScanReader(folder).read();
+}
+
+ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target) {
+  if (target.grid.empty())
+    throw Error(
+        fmt::format("{}: target \"{}\" is a raw scan; lay a grid on it with `weft register` "
+                    "and name that as `grid`",
+                    capture.folder.string(), target.name));
+  ObjMesh obj = read_obj(target.grid);
+  ScanShape shape;
+  shape.x = std::move(obj.positions);
+  shape.mesh = mesh_of(obj, target.grid);
+  check_on_swatch(capture, shape.mesh, target.grid);
+  const int vertices = shape.mesh.vertex_count();
+  if (!target.points.empty()) shape.x = read_frame(target, vertices);
+  shape.weights =
+      target.weights.empty() ? VecX::Ones(vertices) : read_weights(target.weights, vertices);
+  if (!target.start.empty()) {
+    shape.start = read_obj(target.start).positions;
+    if (shape.start->cols() != vertices)
+      throw error_at({target.start, 0, {}},
+                     fmt::format("{} vertices; {} has {}", shape.start->cols(),
+                                 target.grid.filename().string(), vertices));
+  }
+  return shape;
+}
+
+void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& capture,
+                        const std::vector<ScanShape>& shapes) {
+  if (shapes.size() != capture.targets.size())
+    throw Error(fmt::format("{} shapes for {} targets", shapes.size(), capture.targets.size()));
+  std::error_code status;
+  std::filesystem::create_directories(folder, status);
+  if (status) throw error_at({folder, 0, {}}, "cannot be made: " + status.message());
+  std::string text = fmt::format(
+      "format = \"weft-capture\"\nversion = 1\nkind = \"scan\"\nname = {}\ndescription = {}\n\n"
+      "[swatch]\nwidth = {}\nheight = {}\nareal_density = {}\ngrain_angle_deg = {}\n",
+      quoted(capture.name), quoted(capture.description), capture.width, capture.height,
+      capture.areal_density, capture.grain_angle * 180 / std::numbers::pi);
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    const ScanTarget& target = capture.targets[i];
+    const ScanShape& shape = shapes[i];
+    const std::string stem = fmt::format("target_{}", i + 1);
+    write_obj(folder / (stem + ".obj"), shape.mesh, shape.x, target.name);
+    text += fmt::format(
+        "\n[[target]]\nname = {}\ngrid = \"{}.obj\"\nnoise = {}\ngravity = [{}, {}, "
+        "{}]\n",
+        quoted(target.name), stem, target.noise, target.gravity.x(), target.gravity.y(),
+        target.gravity.z());
+    if (shape.start) {
+      write_obj(folder / (stem + "_start.obj"), shape.mesh, *shape.start, target.name);
+      text += fmt::format("start = \"{}_start.obj\"\n", stem);
+    }
+    if (shape.weights.size() > 0 && (shape.weights.array() != 1).any()) {
+      std::string weights = "weight\n";
+      for (const double w : shape.weights) weights += fmt::format("{}\n", w);
+      write_text(folder / (stem + "_weights.csv"), weights);
+      text += fmt::format("weights = \"{}_weights.csv\"\n", stem);
+    }
+    for (const ScanClamp& clamp : target.clamps) text += clamp_text(clamp);
+  }
+  write_text(folder / "capture.toml", text);
+}
+
+}  // namespace weft

@@ -1,0 +1,77 @@
+#pragma once
+/// Shapes of a swatch at rest, scanned in three dimensions, with what hangs on its clamps
+/// (Larionov et al. 2022, sections 3.1 and 3.4).
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "weft/dynamics/clips.h"
+#include "weft/mesh/triangle_mesh.h"
+
+namespace weft {
+
+/// How a clamp holds what is in its region.
+enum class ClampKind {
+  bar,     ///< rigid and flat, in the pose that is nearest to the scan's vertices
+  points,  ///< each vertex where the scan has it
+};
+
+struct ScanClamp {
+  std::string name;
+  ClampKind kind = ClampKind::points;
+  /// (u, v), m; closed. May be a line or a point.
+  MaterialRectangle region;
+  /// Magnitude of the clamp's force on the cloth, N, where it was measured.
+  std::optional<double> force;
+  double force_noise = 0.01;  ///< N, standard deviation
+};
+
+/// One shape.
+struct ScanTarget {
+  std::string name;
+  /// OBJ with (u, v) in vt and, without `points`, the measured positions in v. Empty: a raw scan
+  /// that no grid was laid on yet.
+  std::filesystem::path grid;
+  std::filesystem::path points;   ///< PC2 of the same vertices; or empty
+  int frame = 0;                  ///< sample of `points`
+  std::filesystem::path scan;     ///< the mesh or cloud that `grid` was registered to; or empty
+  std::filesystem::path weights;  ///< CSV, column weight, a row a vertex; or empty
+  std::filesystem::path start;    ///< OBJ: where the simulation starts; or empty: at the scan
+  double noise = 2e-4;            ///< m, standard deviation of a coordinate
+  Vec3 gravity{0, 0, -9.81};      ///< m/s^2
+  std::vector<ScanClamp> clamps;
+};
+
+/// A capture folder, format version 1, kind "scan" (docs/formats.md).
+struct ScanCapture {
+  std::filesystem::path folder;
+  std::string name, description;
+  double width = 0, height = 0;  ///< of the swatch, m
+  double areal_density = 0;      ///< kg/m^2
+  double grain_angle = 0;        ///< rad, as of a mechanical capture
+  std::vector<ScanTarget> targets;
+  /// Notes on the true parameters; nothing here reads them.
+  std::optional<std::filesystem::path> truth;
+};
+
+/// Reads and checks capture.toml: every key known, ranges, files that exist, regions on the swatch.
+/// Throws Error. Opens no shape but those whose clamps are given by vertices.
+ScanCapture read_scan_capture(const std::filesystem::path& folder);
+
+/// A target's shape: a registered grid.
+struct ScanShape {
+  TriangleMesh mesh;
+  Points x;                     ///< m
+  VecX weights;                 ///< a number a vertex, [0, 1]
+  std::optional<Points> start;  ///< m
+};
+/// Throws Error for a target without a grid, and unless its files fit together and to the swatch.
+ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target);
+
+/// Writes capture.toml and a grid (and start) a target, which read_scan_capture reads back. Of
+/// `capture` the paths are not used.
+void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& capture,
+                        const std::vector<ScanShape>& shapes);
+
+}  // namespace weft

@@ -1,0 +1,470 @@
+#include "weft/estimate/scan_fit.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+#include "weft/base/error.h"
+#include "weft/base/random.h"
+#include "weft/fabric/orthotropic.h"
+
+namespace weft {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kBalancePasses = 4;
+constexpr double kSameScale = 1.01;
+/// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
+/// deviation off costs 1.
+constexpr double kEnoughReduction = 0.01;
+constexpr int kEnoughSteps = 2;
+constexpr double kLeastPoisson = 0.02, kMostPoisson = 0.45;  // of a random start
+/// A force whose direction is not known within itself has no magnitude to differentiate.
+constexpr double kLeastForce = 1e-12;  // N
+
+std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
+
+double mean_square(const VecX& r) { return r.size() ? r.squaredNorm() / double(r.size()) : 0; }
+
+}  // namespace
+
+ScanParameter scan_parameter(const Fabric& fabric, const std::string& name) {
+  require_model(fabric, "stvk");
+  if (name != "bend") {
+    const int index = fabric.value_index(name);
+    return {fabric.info(index), {{index, 1}}, name.starts_with("bend")};
+  }
+  ScanParameter bend;
+  const int uu = fabric.value_index("bend_uu");
+  bend.info = fabric.info(uu);
+  bend.info.name = "bend";
+  bend.info.meaning = "b: moment per width by curvature, the same in all directions.";
+  bend.info.source = "Larionov 2022, section 3.3.1";
+  bend.values = {
+      {uu, 1}, {fabric.value_index("bend_vv"), 1}, {fabric.value_index("bend_twist"), 0.5}};
+  bend.bending = true;
+  return bend;
+}
+
+const std::vector<std::string>& default_scan_parameters() {
+  static const std::vector<std::string> kNames{"membrane_uu", "membrane_vv", "membrane_uv",
+                                               "membrane_shear", "bend"};
+  return kNames;
+}
+
+ScanBalance scan_balance_from_name(std::string_view name) {
+  if (name == "noise") return ScanBalance::noise;
+  if (name == "residual") return ScanBalance::residual;
+  throw Error(fmt::format("balance \"{}\" is not known; known: noise, residual", name));
+}
+
+ScanSchedule scan_schedule_from_name(std::string_view name) {
+  if (name == "together") return ScanSchedule::together;
+  if (name == "alternating") return ScanSchedule::alternating;
+  throw Error(fmt::format("schedule \"{}\" is not known; known: together, alternating", name));
+}
+
+ScanProblem::ScanProblem(std::vector<std::shared_ptr<const ScanTrial>> trials,
+                         std::shared_ptr<const EquilibriumSolver> solver, Fabric fabric,
+                         const std::vector<std::string>& free, const ScanCostOptions& options,
+                         int threads)
+    : trials_(std::move(trials)),
+      solver_(std::move(solver)),
+      fabric_(std::move(fabric)),
+      options_(options),
+      threads_(threads) {
+  if (trials_.empty()) throw Error("no targets to fit");
+  if (free.empty()) throw Error("no parameters to search");
+  if (!(options_.poisson_limit > 0) || !(options_.poisson_tolerance > 0))
+    throw Error("limit and tolerance of Poisson's ratio must be above 0");
+  std::vector<int> used;
+  for (const std::string& name : free) {
+    if (name == "bend") fabric_.values[fabric_.value_index("bend_uv")] = kNoBendCoupling;
+    parameters_.push_back(scan_parameter(fabric_, name));
+    for (const auto& [index, factor] : parameters_.back().values) {
+      if (std::find(used.begin(), used.end(), index) != used.end())
+        throw Error(fmt::format("parameter \"{}\" is searched twice",
+                                std::string(fabric_.info(index).name)));
+      used.push_back(index);
+    }
+  }
+  for (const auto& trial : trials_) {
+    // The noise is taken at the scan and the fabric given: one that moved with the estimate would
+    // be a residual's denominator that a fit can enlarge.
+    const VecX noise =
+        trial->measured_descriptor->noise(trial->measured, fabric_.values, trial->target.noise);
+    if (!(noise.minCoeff() > 0))
+      throw Error(fmt::format("target \"{}\": an entry of its descriptor has no noise",
+                              trial->target.name));
+    shape_noise_.push_back(noise);
+    residual_count_ += at(noise.size());
+    for (const ScanClamp& clamp : trial->target.clamps)
+      if (clamp.force) ++residual_count_;
+  }
+  scales_ = no_scales();
+}
+
+std::vector<ParameterInfo> ScanProblem::infos() const {
+  std::vector<ParameterInfo> infos;
+  for (const ScanParameter& p : parameters_) infos.push_back(p.info);
+  return infos;
+}
+
+VecX ScanProblem::scaled(const Fabric& fabric) const {
+  VecX x(dimension());
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    const ScanParameter& p = parameters_[at(i)];
+    // Tied values may differ in a start that comes from elsewhere: their mean.
+    double sum = 0;
+    for (const auto& [index, factor] : p.values) sum += fabric.values[index] / factor;
+    x[i] = to_scaled(p.info, sum / static_cast<double>(p.values.size()));
+  }
+  return x;
+}
+
+Fabric ScanProblem::fabric(const VecX& scaled) const {
+  Fabric fabric = fabric_;
+  for (Eigen::Index i = 0; i < scaled.size(); ++i) {
+    const ScanParameter& p = parameters_[at(i)];
+    for (const auto& [index, factor] : p.values)
+      fabric.values[index] = factor * from_scaled(p.info, scaled[i]);
+  }
+  return fabric;
+}
+
+MatX ScanProblem::by_scaled(const VecX& scaled, const MatX& by_values) const {
+  MatX result = MatX::Zero(by_values.rows(), dimension());
+  for (Eigen::Index i = 0; i < scaled.size(); ++i) {
+    const ScanParameter& p = parameters_[at(i)];
+    const double slope = scaled_slope(p.info, scaled[i]);
+    for (const auto& [index, factor] : p.values)
+      result.col(i) += slope * factor * by_values.col(index);
+  }
+  return result;
+}
+
+double ScanProblem::penalty(const Fabric& fabric, VecX* gradient) const {
+  const int c01 = fabric.value_index("membrane_uv"), c11 = fabric.value_index("membrane_vv");
+  const double nu = fabric.values[c01] / fabric.values[c11];
+  if (gradient) gradient->setZero(fabric.values.size());
+  if (nu <= options_.poisson_limit) return 0;
+  if (gradient) {
+    (*gradient)[c01] = 1 / fabric.values[c11] / options_.poisson_tolerance;
+    (*gradient)[c11] = -nu / fabric.values[c11] / options_.poisson_tolerance;
+  }
+  return (nu - options_.poisson_limit) / options_.poisson_tolerance;
+}
+
+bool ScanProblem::simulate(const VecX& scaled, HeldDerivatives derivatives,
+                           std::vector<ScanSimulation>& simulations, std::string* reason) const {
+  std::string found;
+  try {
+    simulations = simulate_scans(trials_, *solver_, fabric(scaled), derivatives, threads_);
+  } catch (const Error& error) {
+    found = error.what();  // of values that the model refuses
+  }
+  for (std::size_t t = 0; found.empty() && t < simulations.size(); ++t)
+    if (!(simulations[t].rest.residual <= options_.largest_residual))
+      found = fmt::format("target \"{}\": no equilibrium: a net force of {:.2g} N is left",
+                          trials_[t]->target.name, simulations[t].rest.residual);
+  if (reason) *reason = found;
+  return found.empty();
+}
+
+ScanProblem::Residuals ScanProblem::residuals(std::size_t t, const ScanSimulation& simulation,
+                                              const Fabric& fabric,
+                                              HeldDerivatives derivatives) const {
+  const ScanTrial& trial = *trials_[t];
+  const bool all = derivatives == HeldDerivatives::all;
+  const VecX& values = fabric.values;
+  const VecX sampled = trial.sampling * flat(simulation.rest.x);
+  const Points x = Points::Map(sampled.data(), 3, sampled.size() / 3);
+  const auto target = static_cast<Eigen::Index>(t);
+  const VecX weight = (scales_[target] * shape_noise_[t]).cwiseInverse();
+  Residuals r;
+  r.shape = weight.cwiseProduct(trial.simulated_descriptor->value(x, values) -
+                                trial.measured_descriptor->value(trial.measured, values));
+  if (all)
+    r.shape_jacobian = weight.asDiagonal() *
+                       (trial.simulated_descriptor->derivative(
+                            x, values, trial.sampling * simulation.rest.x_derivative) -
+                        trial.measured_descriptor->derivative(trial.measured, values, MatX()));
+  std::vector<Eigen::Index> measured;
+  for (std::size_t c = 0; c < trial.target.clamps.size(); ++c)
+    if (trial.target.clamps[c].force) measured.push_back(static_cast<Eigen::Index>(c));
+  const auto count = static_cast<Eigen::Index>(measured.size());
+  r.force.resize(count);
+  if (all) r.force_jacobian = MatX::Zero(count, values.size());
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Eigen::Index c = measured[at(i)];
+    const ScanClamp& clamp = trial.target.clamps[at(c)];
+    const double noise = scales_[target] * clamp.force_noise;
+    const Vec3 force = simulation.forces.col(c);
+    const double magnitude = force.norm();
+    r.force[i] = (magnitude - *clamp.force) / noise;
+    if (all && magnitude > kLeastForce)
+      r.force_jacobian.row(i) = force.transpose() *
+                                simulation.force_derivative.middleRows(3 * c, 3) /
+                                (magnitude * noise);
+  }
+  return r;
+}
+
+double ScanProblem::cost(const VecX& scaled, std::string* reason) const {
+  std::vector<ScanSimulation> simulations;
+  if (!simulate(scaled, HeldDerivatives::none, simulations, reason)) return kInfinity;
+  const Fabric found = fabric(scaled);
+  double sum = 0;
+  for (std::size_t t = 0; t < trials_.size(); ++t) {
+    const Residuals r = residuals(t, simulations[t], found, HeldDerivatives::none);
+    sum += r.shape.squaredNorm() + r.force.squaredNorm();
+  }
+  const double p = penalty(found, nullptr);
+  return sum / static_cast<double>(residual_count_) + p * p;
+}
+
+ScanProblem::Linearization ScanProblem::linearize(const VecX& scaled) const {
+  Linearization result;
+  const int n = dimension();
+  result.model.gradient = VecX::Zero(n);
+  result.model.hessian = MatX::Zero(n, n);
+  std::vector<ScanSimulation> simulations;
+  if (!simulate(scaled, HeldDerivatives::all, simulations, nullptr)) {
+    result.model.cost = kInfinity;
+    return result;
+  }
+  const Fabric found = fabric(scaled);
+  const double factor = 1 / static_cast<double>(residual_count_);
+  const auto add = [&](std::size_t t, int part, const VecX& r, const MatX& by_values) {
+    const MatX jacobian = by_scaled(scaled, by_values);
+    CostPart own{t, part, 2 * factor * jacobian.transpose() * r,
+                 2 * factor * jacobian.transpose() * jacobian};
+    result.model.cost += factor * r.squaredNorm();
+    result.model.gradient += own.gradient;
+    result.model.hessian += own.hessian;
+    result.parts.push_back(std::move(own));
+  };
+  result.target_rms = no_scales();
+  double shape = 0, force = 0;
+  int forces = 0;
+  for (std::size_t t = 0; t < trials_.size(); ++t) {
+    const auto target = static_cast<Eigen::Index>(t);
+    const Residuals r = residuals(t, simulations[t], found, HeldDerivatives::all);
+    add(t, 0, r.shape, r.shape_jacobian);
+    if (r.force.size() > 0) add(t, 1, r.force, r.force_jacobian);
+    if (simulations[t].rest.inexact) ++result.inexact;
+    result.target_rms[target] = scales_[target] * std::sqrt(mean_square(r.shape));
+    shape += result.target_rms[target] * result.target_rms[target];
+    force += scales_[target] * scales_[target] * r.force.squaredNorm();
+    forces += static_cast<int>(r.force.size());
+  }
+  result.shape_rms = std::sqrt(shape / static_cast<double>(trials_.size()));
+  result.force_rms = forces ? std::sqrt(force / forces) : 0;
+  VecX gradient;
+  const double p = penalty(found, &gradient);
+  const VecX by = by_scaled(scaled, gradient.transpose()).transpose();
+  result.model.cost += p * p;
+  result.model.gradient += 2 * p * by;
+  result.model.hessian += 2 * by * by.transpose();
+  return result;
+}
+
+namespace {
+
+/// Indices of the parameters of bending, or of the others.
+std::vector<Eigen::Index> indices_of(const ScanProblem& problem, bool bending) {
+  std::vector<Eigen::Index> indices;
+  for (std::size_t i = 0; i < problem.parameters().size(); ++i)
+    if (problem.parameters()[i].bending == bending) indices.push_back(static_cast<Eigen::Index>(i));
+  return indices;
+}
+
+/// One fit, from one start.
+class Descent {
+ public:
+  Descent(ScanProblem& problem, const ScanFitOptions& options, const ScanFitObserver& observer,
+          ScanFitResult& result)
+      : problem_(problem), options_(options), observer_(observer), result_(result) {}
+
+  ScanFitEnd run(const Fabric& start, const std::string& name) {
+    name_ = name;
+    ScanFitEnd end;
+    x_ = problem_.scaled(start).cwiseMax(0).cwiseMin(1);
+    end.start = problem_.fabric(x_);
+    problem_.set_scales(problem_.no_scales());
+    end.cost_start = problem_.cost(x_, &reason_);
+    end.cost = end.cost_start;
+    iterations_ = 0;
+    if (std::isfinite(end.cost_start)) {
+      schedule();
+      if (options_.balance == ScanBalance::residual)
+        for (int pass = 1; pass <= kBalancePasses && !result_.stopped && rebalance(pass); ++pass) {
+        }
+      // Ends of several starts are compared by what they were all asked for.
+      const VecX scales = problem_.scales();
+      problem_.set_scales(problem_.no_scales());
+      end.cost = problem_.cost(x_);
+      problem_.set_scales(scales);
+    }
+    end.fabric = problem_.fabric(x_);
+    end.iterations = iterations_;
+    return end;
+  }
+  const std::string& reason() const { return reason_; }
+  const VecX& x() const { return x_; }
+
+ private:
+  void schedule() {
+    const auto bending = indices_of(problem_, true), membrane = indices_of(problem_, false);
+    if (options_.schedule == ScanSchedule::together || bending.empty() || membrane.empty()) {
+      std::vector<Eigen::Index> all(at(x_.size()));
+      std::iota(all.begin(), all.end(), 0);
+      descend(all, "all");
+      return;
+    }
+    for (int round = 1; round <= options_.rounds && !result_.stopped; ++round) {
+      descend(bending, fmt::format("bending {}", round));
+      descend(membrane, fmt::format("membrane {}", round));
+    }
+  }
+
+  /// False where no target is missed by more than its noise, or nothing changed.
+  bool rebalance(int pass) {
+    const ScanProblem::Linearization found = problem_.linearize(x_);
+    if (!std::isfinite(found.model.cost)) return false;
+    const VecX scales = found.target_rms.cwiseMax(1);
+    const VecX change = scales.cwiseQuotient(problem_.scales());
+    if (std::max(change.maxCoeff(), 1 / change.minCoeff()) < kSameScale) return false;
+    problem_.set_scales(scales);
+    std::vector<Eigen::Index> all(at(x_.size()));
+    std::iota(all.begin(), all.end(), 0);
+    descend(all, fmt::format("balance {}", pass));
+    return true;
+  }
+
+  void descend(const std::vector<Eigen::Index>& free, const std::string& phase) {
+    if (result_.stopped) return;
+    const auto full = [&](const VecX& part) {
+      VecX x = x_;
+      x(free) = part;
+      return x;
+    };
+    double best = kInfinity;
+    const auto count = [&](double cost) {
+      best = std::min(best, cost);
+      result_.history.push_back({++result_.evaluations, cost, best, name_ + phase});
+      if (observer_ && !observer_(result_.history.back())) result_.stopped = true;
+    };
+    const LinearizeFunction linearize = [&](const VecX& part) {
+      const QuadraticModel all = problem_.linearize(full(part)).model;
+      count(all.cost);
+      QuadraticModel own;
+      own.cost = all.cost;
+      own.gradient = all.gradient(free);
+      own.hessian = all.hessian(free, free);
+      return own;
+    };
+    const CostFunction cost = [&](const VecX& part) {
+      const double value = problem_.cost(full(part));
+      count(value);
+      return value;
+    };
+    const auto size = static_cast<Eigen::Index>(free.size());
+    const auto residuals = static_cast<double>(problem_.residual_count());
+    double reached = kInfinity;
+    int small_steps = 0;
+    const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
+      if (!step.accepted) return !result_.stopped;
+      small_steps = (reached - step.cost) * residuals < kEnoughReduction ? small_steps + 1 : 0;
+      reached = step.cost;
+      return !result_.stopped && small_steps < kEnoughSteps;
+    };
+    const LeastSquaresResult found =
+        minimize_least_squares(linearize, cost, x_(free), VecX::Zero(size), VecX::Ones(size),
+                               options_.least_squares, after_step);
+    x_ = full(found.x);
+    iterations_ += found.iterations;
+  }
+
+  ScanProblem& problem_;
+  const ScanFitOptions& options_;
+  const ScanFitObserver& observer_;
+  ScanFitResult& result_;
+  VecX x_;
+  std::string name_, reason_;
+  int iterations_ = 0;
+};
+
+/// Moduli within `spread` of the start's, so that each is a sheet.
+Fabric random_start(const Fabric& start, double spread, Rng& rng) {
+  const auto factor = [&] { return std::exp(std::log(spread) * rng.uniform(-1, 1)); };
+  OrthotropicModuli m = moduli_of(stiffness_of(start));
+  m.e_u *= factor();
+  m.e_v *= factor();
+  m.shear *= factor();
+  m.b *= factor();
+  // nu^2 E_v / E_u stays below 1.
+  m.poisson = rng.uniform(kLeastPoisson, std::min(kMostPoisson, 0.9 * std::sqrt(m.e_u / m.e_v)));
+  Fabric fabric = start;
+  fabric.values.head(8) = orthotropic_fabric("", stiffness_of(m)).values;
+  return fabric;
+}
+
+void check(const ScanFitOptions& options) {
+  if (options.rounds < 1)
+    throw Error(fmt::format("rounds is {}, must be at least 1", options.rounds));
+  if (options.random_starts < 0)
+    throw Error(fmt::format("random starts are {}, must be at least 0", options.random_starts));
+  if (!(options.spread > 1) || !std::isfinite(options.spread))
+    throw Error(fmt::format("spread is {:g}, must be above 1", options.spread));
+}
+
+}  // namespace
+
+ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOptions& options,
+                       const ScanFitObserver& observer) {
+  check(options);
+  const auto begin = std::chrono::steady_clock::now();
+  ScanFitResult result;
+  Rng rng(options.seed);
+  std::optional<VecX> best;
+  for (int i = 0; i <= options.random_starts && !result.stopped; ++i) {
+    const Fabric from = i == 0 ? start : random_start(start, options.spread, rng);
+    Descent descent(problem, options, observer, result);
+    const ScanFitEnd end =
+        descent.run(from, options.random_starts ? fmt::format("start {}, ", i + 1) : "");
+    if (i == 0 && !std::isfinite(end.cost_start))
+      throw Error(fmt::format("the start cannot be computed: {}", descent.reason()));
+    result.ends.push_back(end);
+    if (best && !(end.cost < result.cost)) continue;
+    best = descent.x();
+    result.cost = end.cost;
+    result.fabric = end.fabric;
+    result.iterations = end.iterations;
+    result.scales = problem.scales();
+  }
+  result.start = result.ends.front().start;
+  result.cost_start = result.ends.front().cost_start;
+  problem.set_scales(result.scales);
+  const ScanProblem::Linearization at_end = problem.linearize(*best);
+  ++result.evaluations;
+  result.inexact = at_end.inexact;
+  result.shape_rms = at_end.shape_rms;
+  result.force_rms = at_end.force_rms;
+  if (std::isfinite(at_end.model.cost)) {
+    ResidualIntervals found = residual_intervals(problem.infos(), *best, at_end.model, at_end.parts,
+                                                 problem.residual_count(), options.confidence);
+    result.intervals = std::move(found.intervals);
+    result.correlation = std::move(found.correlation);
+    result.condition = found.condition;
+  }
+  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
+}
+
+}  // namespace weft

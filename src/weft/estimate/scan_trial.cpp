@@ -1,0 +1,352 @@
+#include "weft/estimate/scan_trial.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+#include "weft/base/error.h"
+#include "weft/base/parallel.h"
+#include "weft/estimate/mechanical_trial.h"
+#include "weft/mesh/grid_lines.h"
+
+namespace weft {
+namespace {
+
+constexpr int kMostCells = 200;
+constexpr double kSamePlace = 1e-7;     // m
+constexpr double kEqualSpacing = 1e-4;  // of a cell
+constexpr double kMeasured = 0.5;       // least weight of a vertex that counts as measured
+
+std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
+
+/// Lines of a grid.
+struct Lines {
+  std::vector<double> u, v;
+};
+
+void sort_unique(std::vector<double>& values) {
+  std::sort(values.begin(), values.end());
+  const auto same = [](double a, double b) { return b - a < kSamePlace; };
+  values.erase(std::unique(values.begin(), values.end(), same), values.end());
+}
+
+/// The lines whose crossings, row by row, are the vertices; nothing where there are none.
+std::optional<Lines> grid_of(const TriangleMesh& mesh) {
+  Lines lines;
+  for (Eigen::Index i = 0; i < mesh.material.cols(); ++i) {
+    lines.u.push_back(mesh.material(0, i));
+    lines.v.push_back(mesh.material(1, i));
+  }
+  sort_unique(lines.u);
+  sort_unique(lines.v);
+  if (lines.u.size() * lines.v.size() != at(mesh.material.cols())) return {};
+  for (std::size_t i = 0; i < at(mesh.material.cols()); ++i) {
+    const Vec2 uv(lines.u[i % lines.u.size()], lines.v[i / lines.u.size()]);
+    if ((uv - mesh.material.col(static_cast<Eigen::Index>(i))).norm() > kSamePlace) return {};
+  }
+  return lines;
+}
+
+std::vector<double> borders_along(int axis, const std::vector<ScanClamp>& clamps) {
+  std::vector<double> borders;
+  for (const ScanClamp& clamp : clamps)
+    borders.insert(borders.end(), {clamp.region.lower[axis], clamp.region.upper[axis]});
+  return borders;
+}
+
+/// Bars that hold an area want the mesh of a mechanical test, fine beside them.
+bool only_broad_bars(const ScanTarget& target) {
+  return std::all_of(target.clamps.begin(), target.clamps.end(), [](const ScanClamp& clamp) {
+    return clamp.kind == ClampKind::bar &&
+           (clamp.region.upper - clamp.region.lower).minCoeff() > kSamePlace;
+  });
+}
+
+TriangleMesh mesh_of_bars(const ScanCapture& capture, const ScanTarget& target, int cells) {
+  MechanicalCapture bars;
+  bars.name = target.name;
+  bars.width = capture.width;
+  bars.height = capture.height;
+  bars.frame_count = 1;
+  for (const ScanClamp& clamp : target.clamps) {
+    MechanicalFixture fixture;
+    fixture.frames = {Clip{clamp.region, Vec3::Zero(), Eigen::Quaterniond::Identity()}};
+    fixture.forces.resize(3, 0);
+    bars.fixtures.push_back(fixture);
+  }
+  MechanicalOptions options;
+  options.cells = cells;
+  options.pattern = GridPattern::uniform;
+  return prepare_mechanical(bars, options)->stages.front().mesh;
+}
+
+TriangleMesh simulated_mesh(const ScanCapture& capture, const ScanTarget& target,
+                            const ScanShape& shape, const ScanOptions& options) {
+  if (options.cells == 0) {
+    if (const auto lines = grid_of(shape.mesh))
+      return make_swatch(lines->u, lines->v, GridPattern::uniform);
+    throw Error(fmt::format(
+        "target \"{}\": its vertices are no grid of rows and columns; say on how many cells to "
+        "simulate it",
+        target.name));
+  }
+  if (only_broad_bars(target)) return mesh_of_bars(capture, target, options.cells);
+  const double spacing = std::min(capture.width, capture.height) / options.cells;
+  return make_swatch(grid_lines(capture.width, borders_along(0, target.clamps), spacing),
+                     grid_lines(capture.height, borders_along(1, target.clamps), spacing),
+                     GridPattern::uniform);
+}
+
+bool equally_spaced(const std::vector<double>& lines) {
+  const double cell = (lines.back() - lines.front()) / static_cast<double>(lines.size() - 1);
+  for (std::size_t i = 0; i < lines.size(); ++i)
+    if (std::abs(lines.front() + cell * static_cast<double>(i) - lines[i]) > kEqualSpacing * cell)
+      return false;
+  return true;
+}
+
+/// Rows 3 k to 3 k + 2: the surface of `mesh` at point k.
+SparseMatrix sampling_of(const TriangleMesh& mesh, const MaterialPoints& uv) {
+  const MaterialLocator locator(mesh);
+  std::vector<Eigen::Triplet<double>> entries;
+  for (Eigen::Index i = 0; i < uv.cols(); ++i) {
+    const auto hit = locator.locate(uv.col(i));
+    const auto& triangle = mesh.triangles[at(hit.triangle)];
+    for (int corner = 0; corner < 3; ++corner)
+      for (int k = 0; k < 3; ++k)
+        entries.emplace_back(static_cast<int>(3 * i + k), 3 * triangle[at(corner)] + k,
+                             hit.barycentric[corner]);
+  }
+  SparseMatrix matrix(static_cast<int>(3 * uv.cols()), 3 * mesh.vertex_count());
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  return matrix;
+}
+
+Points sampled(const SparseMatrix& sampling, const Points& x) {
+  const VecX values = sampling * flat(x);
+  return Points::Map(values.data(), 3, values.size() / 3);
+}
+
+/// 1 only where all that a point is sampled from was measured.
+VecX sampled_weights(const TriangleMesh& mesh, const VecX& weights, const MaterialPoints& uv) {
+  const MaterialLocator locator(mesh);
+  VecX result(uv.cols());
+  for (Eigen::Index i = 0; i < uv.cols(); ++i) {
+    const auto hit = locator.locate(uv.col(i));
+    double weight = 1;
+    for (int corner = 0; corner < 3; ++corner)
+      if (hit.barycentric[corner] > 1e-6)
+        weight = std::min(weight, weights[mesh.triangles[at(hit.triangle)][at(corner)]]);
+    result[i] = weight;
+  }
+  return result;
+}
+
+/// The rigid motion of the flat fabric nearest to `x`.
+struct Pose {
+  Vec2 center = Vec2::Zero();
+  Vec3 position = Vec3::Zero();
+  Mat3 rotation = Mat3::Identity();
+  Vec3 place(const Vec2& uv) const {
+    const Vec2 d = uv - center;
+    return position + rotation * Vec3(d.x(), d.y(), 0);
+  }
+};
+
+Pose nearest_pose(const MaterialPoints& uv, const Points& x) {
+  Pose pose;
+  pose.center = uv.rowwise().mean();
+  pose.position = x.rowwise().mean();
+  Mat3 sum = Mat3::Zero();
+  for (Eigen::Index i = 0; i < uv.cols(); ++i) {
+    const Vec2 d = uv.col(i) - pose.center;
+    sum += (x.col(i) - pose.position) * Vec3(d.x(), d.y(), 0).transpose();
+  }
+  const Eigen::JacobiSVD<Mat3> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Mat3 u = svd.matrixU();
+  if ((u * svd.matrixV().transpose()).determinant() < 0) u.col(2) *= -1;
+  pose.rotation = u * svd.matrixV().transpose();
+  return pose;
+}
+
+/// The scan's vertices in a region that were measured; where there are fewer than two, the points
+/// of the simulated mesh in it.
+Pose pose_of_bar(const ScanTrial& trial, const ScanClamp& clamp, const std::vector<int>& vertices) {
+  std::vector<Eigen::Index> seen;
+  for (Eigen::Index i = 0; i < trial.shape.x.cols(); ++i)
+    if (clamp.region.contains(trial.shape.mesh.material.col(i)) &&
+        trial.shape.weights[i] >= kMeasured)
+      seen.push_back(i);
+  if (seen.size() >= 2)
+    return nearest_pose(trial.shape.mesh.material(Eigen::all, seen),
+                        trial.shape.x(Eigen::all, seen));
+  const MaterialPoints uv = trial.mesh.material(Eigen::all, vertices);
+  return nearest_pose(
+      uv, interpolate(trial.shape.mesh, MaterialLocator(trial.shape.mesh), trial.shape.x, uv));
+}
+
+void hold(ScanTrial& trial) {
+  const int vertices = trial.mesh.vertex_count();
+  const MaterialLocator locator(trial.shape.mesh);
+  const Points& from = trial.shape.start ? *trial.shape.start : trial.shape.x;
+  trial.start = interpolate(trial.shape.mesh, locator, from, trial.mesh.material);
+  trial.clamp_of.assign(at(vertices), -1);
+  trial.held.assign(at(vertices), 0);
+  int count = 0;
+  for (std::size_t c = 0; c < trial.target.clamps.size(); ++c) {
+    const ScanClamp& clamp = trial.target.clamps[c];
+    std::vector<int> own;
+    for (int i = 0; i < vertices; ++i) {
+      if (trial.clamp_of[at(i)] >= 0 || !clamp.region.contains(trial.mesh.material.col(i)))
+        continue;
+      trial.clamp_of[at(i)] = static_cast<int>(c);
+      trial.held[at(i)] = 1;
+      own.push_back(i);
+      ++count;
+    }
+    if (own.empty())
+      throw Error(fmt::format("target \"{}\": clamp \"{}\" holds no vertex of the simulated grid",
+                              trial.target.name, clamp.name));
+    const Points seen =
+        interpolate(trial.shape.mesh, locator, trial.shape.x, trial.mesh.material(Eigen::all, own));
+    const bool bar = clamp.kind == ClampKind::bar && own.size() > 1;
+    const Pose pose = bar ? pose_of_bar(trial, clamp, own) : Pose{};
+    for (std::size_t k = 0; k < own.size(); ++k)
+      trial.start.col(own[k]) = bar ? pose.place(trial.mesh.material.col(own[k]))
+                                    : Vec3(seen.col(static_cast<Eigen::Index>(k)));
+  }
+  if (count == vertices)
+    throw Error(fmt::format("target \"{}\": clamps hold the whole cloth", trial.target.name));
+}
+
+std::shared_ptr<const ScanTrial> prepare_target(const ScanCapture& capture,
+                                                const ScanTarget& target, ScanShape shape,
+                                                const ScanOptions& options) {
+  auto trial = std::make_shared<ScanTrial>();
+  trial->target = target;
+  trial->shape = std::move(shape);
+  if (trial->shape.weights.size() == 0)
+    trial->shape.weights = VecX::Ones(trial->shape.mesh.vertex_count());
+  trial->areal_density = capture.areal_density;
+  trial->grain_angle = capture.grain_angle;
+  trial->mesh = simulated_mesh(capture, target, trial->shape, options);
+  const Lines lines = grid_of(trial->mesh).value();
+  hold(*trial);
+
+  DescriptorGrid& grid = trial->grid;
+  grid.columns = static_cast<int>(lines.u.size());
+  grid.rows = static_cast<int>(lines.v.size());
+  grid.mesh = trial->mesh;
+  if (!equally_spaced(lines.u) || !equally_spaced(lines.v)) {
+    const Vec2 lower = trial->mesh.material.rowwise().minCoeff(),
+               upper = trial->mesh.material.rowwise().maxCoeff();
+    grid.mesh = make_swatch(upper.x() - lower.x(), upper.y() - lower.y(), grid.columns, grid.rows,
+                            GridPattern::uniform);
+    grid.mesh.material.colwise() += lower;
+  }
+  const MaterialPoints& uv = grid.mesh.material;
+  grid.weights = sampled_weights(trial->shape.mesh, trial->shape.weights, uv);
+  trial->sampling = sampling_of(trial->mesh, uv);
+  trial->measured = sampled(sampling_of(trial->shape.mesh, uv), trial->shape.x);
+  trial->at_scan = sampling_of(trial->mesh, trial->shape.mesh.material);
+  trial->measured_descriptor = make_shape_descriptor(options.descriptor, grid);
+  trial->simulated_descriptor = make_shape_descriptor(
+      options.descriptor, grid, options.descriptor == DescriptorKind::fourier ? target.noise : 0);
+  return trial;
+}
+
+Points forces_of(const ScanTrial& trial, const Points& reactions) {
+  Points forces = Points::Zero(3, static_cast<Eigen::Index>(trial.target.clamps.size()));
+  for (std::size_t i = 0; i < trial.clamp_of.size(); ++i)
+    if (trial.clamp_of[i] >= 0)
+      forces.col(trial.clamp_of[i]) += reactions.col(static_cast<Eigen::Index>(i));
+  return forces;
+}
+
+MatX force_derivatives_of(const ScanTrial& trial, const MatX& reactions) {
+  MatX forces =
+      MatX::Zero(3 * static_cast<Eigen::Index>(trial.target.clamps.size()), reactions.cols());
+  for (std::size_t i = 0; i < trial.clamp_of.size(); ++i)
+    if (trial.clamp_of[i] >= 0)
+      forces.middleRows(3 * trial.clamp_of[i], 3) +=
+          reactions.middleRows(3 * static_cast<Eigen::Index>(i), 3);
+  return forces;
+}
+
+}  // namespace
+
+std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& capture,
+                                                           const std::vector<ScanShape>& shapes,
+                                                           const ScanOptions& options) {
+  if (options.cells != 0 && (options.cells < 2 || options.cells > kMostCells))
+    throw Error(fmt::format("cells is {}, must be 0 or in [2, {}]", options.cells, kMostCells));
+  if (shapes.size() != capture.targets.size())
+    throw Error(fmt::format("{} shapes for {} targets", shapes.size(), capture.targets.size()));
+  std::vector<std::shared_ptr<const ScanTrial>> trials;
+  for (std::size_t i = 0; i < shapes.size(); ++i)
+    trials.push_back(prepare_target(capture, capture.targets[i], shapes[i], options));
+  return trials;
+}
+
+std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& capture,
+                                                           const ScanOptions& options) {
+  std::vector<ScanShape> shapes;
+  for (const ScanTarget& target : capture.targets)
+    shapes.push_back(read_scan_shape(capture, target));
+  return prepare_scan(capture, shapes, options);
+}
+
+std::vector<ScanSimulation> simulate_scans(
+    const std::vector<std::shared_ptr<const ScanTrial>>& trials, const EquilibriumSolver& solver,
+    const Fabric& fabric, HeldDerivatives derivatives, int threads) {
+  std::vector<ScanSimulation> results(trials.size());
+  parallel_for(trials.size(), threads, [&](std::size_t i) {
+    const ScanTrial& trial = *trials[i];
+    const HeldCloth cloth{trial.mesh,        trial.areal_density, trial.target.gravity,
+                          trial.grain_angle, trial.held,          trial.start};
+    ScanSimulation& result = results[i];
+    result.rest = solver.solve(cloth, fabric, derivatives);
+    result.forces = forces_of(trial, result.rest.reactions);
+    if (derivatives == HeldDerivatives::all)
+      result.force_derivative = force_derivatives_of(trial, result.rest.reaction_derivative);
+  });
+  return results;
+}
+
+ScanDifference compare_scan(const ScanTrial& trial, const ScanSimulation& simulation) {
+  ScanDifference difference;
+  difference.converged = simulation.rest.converged;
+  difference.residual = simulation.rest.residual;
+  const Points at_scan = sampled(trial.at_scan, simulation.rest.x);
+  double sum = 0, squares = 0;
+  int within = 0;
+  for (Eigen::Index i = 0; i < at_scan.cols(); ++i) {
+    if (trial.shape.weights[i] < kMeasured) continue;
+    const double d = (at_scan.col(i) - trial.shape.x.col(i)).norm();
+    sum += d;
+    squares += d * d;
+    difference.distance.max = std::max(difference.distance.max, d);
+    if (d < difference.near) ++within;
+    ++difference.point_count;
+  }
+  const int count = std::max(difference.point_count, 1);
+  difference.distance.mean = sum / count;
+  difference.distance.rms = std::sqrt(squares / count);
+  difference.within = static_cast<double>(within) / count;
+  difference.forces = simulation.forces.colwise().norm().transpose();
+  double force_squares = 0;
+  for (std::size_t c = 0; c < trial.target.clamps.size(); ++c) {
+    const auto& measured = trial.target.clamps[c].force;
+    if (!measured) continue;
+    const double d = difference.forces[static_cast<Eigen::Index>(c)] - *measured;
+    force_squares += d * d;
+    ++difference.force_count;
+  }
+  if (difference.force_count > 0)
+    difference.force_rms = std::sqrt(force_squares / difference.force_count);
+  return difference;
+}
+
+}  // namespace weft

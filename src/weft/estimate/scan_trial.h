@@ -1,0 +1,81 @@
+#pragma once
+/// A scanned shape made ready to be computed: the mesh that is simulated, what is held of it and
+/// where, and the descriptor by which simulation and scan are compared.
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "weft/capture/capture.h"
+#include "weft/capture/scan_capture.h"
+#include "weft/dynamics/held_equilibrium.h"
+#include "weft/objective/shape_descriptor.h"
+
+namespace weft {
+
+struct ScanOptions {
+  /// Cells of the simulated grid across the shorter side of the swatch, 2 to 200; where bars that
+  /// hold an area are all that holds the cloth, across the shortest free side, finer beside the
+  /// bars (mechanical_trial.h). 0: the grid that was registered, which then must be one.
+  int cells = 0;
+  DescriptorKind descriptor = DescriptorKind::fourier;
+};
+
+/// One target.
+///
+/// Held: vertices in a clamp's region, each by the first clamp that has it. A bar is rigid: its
+/// vertices are at the rigid motion of the flat region that is nearest to the scan's vertices in it
+/// (least squares, Kabsch 1976), which averages their noise. Other clamps hold each vertex where
+/// the scan has it.
+struct ScanTrial {
+  ScanTarget target;
+  ScanShape shape;
+  double areal_density = 0;  ///< kg/m^2
+  double grain_angle = 0;    ///< rad
+
+  TriangleMesh mesh;          ///< simulated
+  std::vector<int> clamp_of;  ///< a number a vertex, -1: free
+  std::vector<char> held;
+  Points start;  ///< m; at the scan, or where the target says, with the held vertices in place
+
+  DescriptorGrid grid;    ///< where shapes are compared
+  SparseMatrix sampling;  ///< its points from vertices of `mesh`; 3 points x 3 vertices
+  Points measured;        ///< the scan at its points, m
+  SparseMatrix at_scan;   ///< the scan's vertices from those of `mesh`
+  std::shared_ptr<const ShapeDescriptor> simulated_descriptor, measured_descriptor;
+};
+/// One a target. Throws Error for options out of range, a grid that is none where one is needed, a
+/// clamp without a vertex and a cloth that is held everywhere or nowhere.
+std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& capture,
+                                                           const ScanOptions& options = {});
+/// Of shapes at hand, in place of the files.
+std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& capture,
+                                                           const std::vector<ScanShape>& shapes,
+                                                           const ScanOptions& options = {});
+
+/// One target, computed.
+struct ScanSimulation {
+  HeldEquilibrium rest;
+  Points forces;          ///< of each clamp on the cloth, N, 3 x clamps
+  MatX force_derivative;  ///< 3 clamps x values of the fabric; empty if not asked for
+};
+/// All of them. Results do not depend on the number of threads. Throws Error for a fabric that the
+/// solver does not take.
+std::vector<ScanSimulation> simulate_scans(
+    const std::vector<std::shared_ptr<const ScanTrial>>& trials, const EquilibriumSolver& solver,
+    const Fabric& fabric, HeldDerivatives derivatives = HeldDerivatives::none, int threads = 0);
+
+/// How far a simulation is from the scan.
+struct ScanDifference {
+  bool converged = false;
+  double residual = 0;       ///< N, largest net force on a free vertex
+  SurfaceDistance distance;  ///< m, at the scan's vertices that were measured
+  double within = 0;         ///< share of these that are nearer than `near`
+  double near = 2.4e-3;      ///< m; the paper's section 5
+  int point_count = 0;
+  VecX forces;           ///< simulated magnitudes, N, a number a clamp
+  double force_rms = 0;  ///< N, over the measured ones
+  int force_count = 0;
+};
+ScanDifference compare_scan(const ScanTrial& trial, const ScanSimulation& simulation);
+
+}  // namespace weft

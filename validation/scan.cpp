@@ -1,0 +1,189 @@
+/// Fits from scanned shapes, against what made them.
+///
+///     weft_validate_scan [table1] [noise] [mechanical] [captures] [--data FOLDER] [--cells N]
+///     [--fine N] [--out FOLDER]
+///
+/// table1: targets of the paper's section 4.2 on the mesh of the fit (Larionov et al. 2022, Table
+/// 1). noise: the same from a finer mesh with noise. mechanical, captures: targets that other
+/// programs made, in FOLDER/mechanical and FOLDER/captures.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "scan_validation.h"
+#include "weft/base/error.h"
+#include "weft/estimate/scan_fit.h"
+#include "weft/estimate/scan_synthetic.h"
+#include "weft/fabric/orthotropic.h"
+
+namespace weft {
+namespace {
+
+constexpr double kSide = 0.15;      // m
+constexpr double kDensity = 0.224;  // kg/m^2, of the paper's cotton
+constexpr double kDegree = std::numbers::pi / 180;
+
+struct Targets {
+  ScanCapture capture;
+  std::vector<ScanShape> shapes;
+};
+
+TriangleMesh square(int cells) {
+  return make_swatch(kSide, kSide, cells + 1, cells + 1, GridPattern::uniform);
+}
+
+/// Two picture frames and two stretches.
+std::vector<ScanExperiment> table1_experiments() {
+  return {picture_frame(kSide, kSide, 12 * kDegree, 5e-4),
+          picture_frame(kSide, kSide, -20 * kDegree, 5e-4),
+          edge_stretch(kSide, kSide, ScanAxis::u, 0.08, 5e-4),
+          edge_stretch(kSide, kSide, ScanAxis::v, 0.08, 5e-4)};
+}
+
+/// Not seen by a fit.
+std::vector<ScanExperiment> unseen_experiments() {
+  return {picture_frame(kSide, kSide, 6 * kDegree, 5e-4),
+          picture_frame(kSide, kSide, -15 * kDegree, 5e-4),
+          edge_stretch(kSide, kSide, ScanAxis::u, 0.03, 5e-4),
+          corner_weights(kSide, kSide, 0.95, 0.1, 0.02),
+          ledge(kSide, kSide, ScanAxis::u, 0.05),
+          ledge(kSide, kSide, ScanAxis::v, 0.05)};
+}
+
+Targets make_targets(const std::vector<ScanExperiment>& experiments, int cells,
+                     const Fabric& fabric, const ScanSynthesis& options) {
+  Targets targets;
+  targets.capture.name = "synthetic";
+  targets.capture.width = targets.capture.height = kSide;
+  targets.capture.areal_density = options.areal_density;
+  const TriangleMesh mesh = square(cells);
+  for (std::size_t i = 0; i < experiments.size(); ++i) {
+    ScanSynthesis own = options;
+    own.seed = options.seed + 100 * i;
+    SynthesizedScan made = synthesize_scan(experiments[i], mesh, fabric, own);
+    fmt::print("target {:<22} {} net force {:.1e} N, depth {:.2f} mm, forces", made.target.name,
+               made.converged ? "at rest," : "NOT at rest,", made.residual,
+               1e3 * (made.exact.row(2).maxCoeff() - made.exact.row(2).minCoeff()));
+    for (const ScanClamp& clamp : made.target.clamps) fmt::print(" {:.3f}", *clamp.force);
+    fmt::print(" N\n");
+    targets.capture.targets.push_back(made.target);
+    targets.shapes.push_back(made.shape);
+  }
+  std::fflush(stdout);
+  return targets;
+}
+
+/// Same start, two fabrics: the largest distance of a vertex.
+void compare_unseen(const Fabric& found, const Fabric& truth, int cells) {
+  const TriangleMesh mesh = square(cells);
+  for (const ScanExperiment& experiment : unseen_experiments()) {
+    ScanSynthesis options;
+    options.areal_density = kDensity;
+    const SynthesizedScan a = synthesize_scan(experiment, mesh, truth, options);
+    // From the shape of the truth, as the paper re-simulates.
+    ScanExperiment again = experiment;
+    again.perturbation = 0;
+    const MaterialLocator locator(mesh);
+    again.start = [&](const Vec2& uv) {
+      MaterialPoints point(2, 1);
+      point = uv;
+      return Vec3(interpolate(mesh, locator, a.exact, point));
+    };
+    const SynthesizedScan b = synthesize_scan(again, mesh, found, options);
+    const auto distances = (a.exact - b.exact).colwise().norm();
+    fmt::print("unseen {:<22} distance mean {:.4f}, max {:.4f} mm{}\n", experiment.name,
+               1e3 * distances.mean(), 1e3 * distances.maxCoeff(),
+               a.converged && b.converged ? "" : "  (not at rest)");
+    std::fflush(stdout);
+  }
+}
+
+void table1(const Arguments& arguments, bool noisy) {
+  const Fabric truth = find_fabric("larionov-cotton"), start = find_fabric("larionov-initial");
+  ScanSynthesis options;
+  options.areal_density = kDensity;
+  options.noise = noisy ? 2e-4 : 0;
+  options.force_noise = noisy ? 0.01 : 0;
+  options.stated_noise = noisy ? 2e-4 : 1e-6;
+  options.stated_force_noise = noisy ? 0.01 : 1e-4;
+  fmt::print("\n{}\n", noisy ? fmt::format("targets on {} cells with 0.2 mm and 0.01 N of noise, "
+                                           "fit on {} cells",
+                                           arguments.fine, arguments.cells)
+                             : fmt::format("targets and fit on {} cells", arguments.cells));
+  const Targets targets =
+      make_targets(table1_experiments(), noisy ? arguments.fine : arguments.cells, truth, options);
+  ScanOptions scan;
+  scan.cells = noisy ? arguments.cells : 0;
+  scan.descriptor = arguments.descriptor;
+  if (!arguments.out.empty())
+    write_scan_capture(arguments.out / (noisy ? "noise" : "table1"), targets.capture,
+                       targets.shapes);
+  const auto trials = prepare_scan(targets.capture, targets.shapes, scan);
+  const ScanProblem problem(trials, arguments.make_solver(), truth, default_scan_parameters());
+  print_targets(problem, truth, "at the truth");
+  const ScanFitResult fit = fit_scan(problem, start, arguments.fit, [](const ScanFitStep& step) {
+    fmt::print(stderr, "{} {} cost {:.6g} best {:.6g}\n", step.evaluation, step.phase, step.cost,
+               step.best);
+    return true;
+  });
+  print_fit(fit, &truth);
+  print_targets(problem, fit.fabric, "at the estimate");
+  compare_unseen(fit.fabric, truth, arguments.cells);
+}
+
+Arguments parse(int argc, char** argv) {
+  Arguments arguments;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--cells" && i + 1 < argc)
+      arguments.cells = std::stoi(argv[++i]);
+    else if (word == "--fine" && i + 1 < argc)
+      arguments.fine = std::stoi(argv[++i]);
+    else if (word == "--data" && i + 1 < argc)
+      arguments.data = argv[++i];
+    else if (word == "--fabric" && i + 1 < argc)
+      arguments.fabrics = {argv[++i]};
+    else if (word == "--solver" && i + 1 < argc)
+      arguments.solver = argv[++i];
+    else if (word == "--out" && i + 1 < argc)
+      arguments.out = argv[++i];
+    else if (word == "--balance" && i + 1 < argc)
+      arguments.fit.balance = scan_balance_from_name(argv[++i]);
+    else if (word == "--schedule" && i + 1 < argc)
+      arguments.fit.schedule = scan_schedule_from_name(argv[++i]);
+    else if (word == "--starts" && i + 1 < argc)
+      arguments.fit.random_starts = std::stoi(argv[++i]);
+    else if (word == "--descriptor" && i + 1 < argc)
+      arguments.descriptor = descriptor_from_name(argv[++i]);
+    else
+      arguments.parts.push_back(word);
+  }
+  if (arguments.parts.empty()) arguments.parts = {"table1", "noise"};
+  return arguments;
+}
+
+void run(const Arguments& arguments) {
+  if (arguments.has("table1")) table1(arguments, false);
+  if (arguments.has("noise")) table1(arguments, true);
+  if (arguments.has("mechanical")) mechanical_scans(arguments);
+  if (arguments.has("captures")) capture_scans(arguments);
+}
+
+}  // namespace
+}  // namespace weft
+
+int main(int argc, char** argv) {
+  try {
+    weft::run(weft::parse(argc, argv));
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
+  return 0;
+}

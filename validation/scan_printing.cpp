@@ -1,0 +1,71 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "scan_validation.h"
+#include "weft/fabric/orthotropic.h"
+
+namespace weft {
+namespace {
+
+void print_moduli(const char* name, const Fabric& fabric) {
+  const OrthotropicModuli m = moduli_of(stiffness_of(fabric));
+  fmt::print("{:<9} {:>10.4f} {:>10.4f} {:>10.4f} {:>9.5f} {:>12.5g}\n", name, m.e_u, m.e_v,
+             m.shear, m.poisson, m.b);
+}
+
+void print_errors(const Fabric& found, const Fabric& truth) {
+  const OrthotropicModuli a = moduli_of(stiffness_of(found)), b = moduli_of(stiffness_of(truth));
+  fmt::print("{:<9} {:>9.3f}% {:>9.3f}% {:>9.3f}% {:>8.3f}% {:>11.3f}%\n", "error",
+             100 * (a.e_u / b.e_u - 1), 100 * (a.e_v / b.e_v - 1), 100 * (a.shear / b.shear - 1),
+             100 * (a.poisson / b.poisson - 1), 100 * (a.b / b.b - 1));
+}
+
+}  // namespace
+
+void print_fit(const ScanFitResult& fit, const Fabric* truth) {
+  fmt::print("{:<9} {:>10} {:>10} {:>10} {:>9} {:>12}\n", "", "E_u N/m", "E_v N/m", "mu N/m", "nu",
+             "b N m");
+  print_moduli("start", fit.start);
+  print_moduli("found", fit.fabric);
+  if (truth) {
+    print_moduli("truth", *truth);
+    print_errors(fit.fabric, *truth);
+  }
+  fmt::print(
+      "cost {:.4g} from {:.4g}; {} iterations, {} evaluations, {:.1f} s; residuals in units of "
+      "noise: shape {:.3g}, force {:.3g}; {} inexact\n",
+      fit.cost, fit.cost_start, fit.iterations, fit.evaluations, fit.wall_s, fit.shape_rms,
+      fit.force_rms, fit.inexact);
+  for (const ParameterInterval& p : fit.intervals) {
+    fmt::print("  {:<15} {:>11.5g} {:<4} ", p.name, p.value, p.unit);
+    if (p.determined)
+      fmt::print("90 % {:.5g} to {:.5g}\n", p.lower, p.upper);
+    else
+      fmt::print("not determined\n");
+  }
+  std::fflush(stdout);
+}
+
+/// How far a fabric is from each target.
+void print_targets(const ScanProblem& problem, const Fabric& fabric, const char* name) {
+  const auto simulations = simulate_scans(problem.trials(), problem.solver(), fabric);
+  const auto found = problem.linearize(problem.scaled(fabric));
+  fmt::print("{}: cost {:.4g}, residuals in units of noise: shape {:.3g}, force {:.3g}\n", name,
+             found.model.cost, found.shape_rms, found.force_rms);
+  for (std::size_t i = 0; i < simulations.size(); ++i) {
+    const ScanTrial& trial = *problem.trials()[i];
+    const ScanDifference d = compare_scan(trial, simulations[i]);
+    fmt::print("  {:<22} distance mean {:.3f}, max {:.2f} mm, {:5.1f} % within {:g} mm, forces",
+               trial.target.name, 1e3 * d.distance.mean, 1e3 * d.distance.max, 100 * d.within,
+               1e3 * d.near);
+    for (std::size_t c = 0; c < trial.target.clamps.size(); ++c)
+      if (trial.target.clamps[c].force)
+        fmt::print(" {:.4f}/{:.4f}", d.forces[static_cast<Eigen::Index>(c)],
+                   *trial.target.clamps[c].force);
+    fmt::print(" N{}\n", d.converged ? "" : "  NOT at rest");
+  }
+  std::fflush(stdout);
+}
+
+}  // namespace weft

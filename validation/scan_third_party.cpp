@@ -1,0 +1,201 @@
+/// Targets that other programs made.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdio>
+#include <map>
+
+#include "scan_validation.h"
+#include "weft/base/error.h"
+#include "weft/base/toml_reader.h"
+#include "weft/capture/mechanical_capture.h"
+#include "weft/fabric/orthotropic.h"
+
+namespace weft {
+namespace {
+
+struct TestFrames {
+  const char* test;
+  std::vector<int> frames;
+};
+/// Some frames of each test: the cloth taut, turned, hanging.
+const std::vector<TestFrames> kTests{{"stretch_u", {4, 8, 12}},
+                                     {"stretch_v", {4, 8, 12}},
+                                     {"shear", {1, 5, 9}},
+                                     {"bend_u", {6, 12}},
+                                     {"bend_v", {6, 12}}};
+constexpr double kPointNoise = 75e-6;  // m, of what the program takes of mechanical captures
+constexpr double kForceNoise = 3e-3;   // N
+
+/// One test as a capture of scans, a frame a target. Poses are not told: a bar is where its points
+/// are.
+ScanCapture as_scans(const MechanicalCapture& from, const std::vector<int>& frames,
+                     std::vector<ScanShape>& shapes) {
+  const MeasuredGeometry geometry = read_geometry(from);
+  ScanCapture capture;
+  capture.name = from.name;
+  capture.width = from.width;
+  capture.height = from.height;
+  capture.areal_density = from.areal_density;
+  capture.grain_angle = from.grain_angle;
+  for (const int frame : frames) {
+    ScanTarget target;
+    target.name = fmt::format("{} {}", from.name, frame);
+    target.noise = kPointNoise;
+    target.gravity = from.gravity;
+    for (const MechanicalFixture& fixture : from.fixtures) {
+      ScanClamp clamp;
+      clamp.name = fixture.name;
+      clamp.kind = ClampKind::bar;
+      clamp.region = fixture.frames[static_cast<std::size_t>(frame)].region;
+      if (from.fixtures.size() > 1) clamp.force = fixture.forces.col(frame).norm();
+      clamp.force_noise = kForceNoise;
+      target.clamps.push_back(clamp);
+    }
+    capture.targets.push_back(target);
+    shapes.push_back({geometry.mesh,
+                      geometry.frames[static_cast<std::size_t>(frame)],
+                      VecX::Ones(geometry.mesh.vertex_count()),
+                      {}});
+  }
+  return capture;
+}
+
+Fabric true_fabric(const std::filesystem::path& path) {
+  const TomlTable file = TomlTable::parse_file(path);
+  const TomlTable a = file.table("membrane"), d = file.table("bending");
+  const Range any{0, 1e6};
+  Fabric fabric = Fabric::with_defaults("truth", "stvk");
+  fabric.set("membrane_uu", a.number("A11", any));
+  fabric.set("membrane_uv", a.number("A12", any));
+  fabric.set("membrane_vv", a.number("A22", any));
+  fabric.set("membrane_shear", a.number("A66", any));
+  fabric.set("bend_uu", d.number("D11", any));
+  fabric.set("bend_uv", d.number("D12", any));
+  fabric.set("bend_vv", d.number("D22", any));
+  fabric.set("bend_twist", d.number("D66", any));
+  return fabric;
+}
+
+void print_bending(const Fabric& found, const Fabric& truth) {
+  for (const char* name : {"bend_uu", "bend_uv", "bend_vv", "bend_twist"})
+    fmt::print("  {:<11} {:>11.5g} N m, true {:>11.5g}, error {:8.2f} %\n", name, found.value(name),
+               truth.value(name), 100 * (found.value(name) / truth.value(name) - 1));
+}
+
+void fit_mechanical_fabric(const Arguments& arguments, const std::string& name) {
+  std::vector<std::shared_ptr<const ScanTrial>> trials;
+  ScanOptions options;
+  options.cells = arguments.cells;
+  options.descriptor = arguments.descriptor;
+  for (const TestFrames& test : kTests) {
+    std::vector<ScanShape> shapes;
+    const MechanicalCapture from =
+        read_mechanical_capture(arguments.data / "mechanical" / (name + "_" + test.test));
+    const ScanCapture capture = as_scans(from, test.frames, shapes);
+    for (const auto& trial : prepare_scan(capture, shapes, options)) trials.push_back(trial);
+  }
+  const Fabric truth =
+      true_fabric(arguments.data / "mechanical" / (name + "_shear") / "truth/parameters.toml");
+  // Wrong by factors of 2 and 3, with one rigidity in all directions.
+  OrthotropicModuli wrong = moduli_of(stiffness_of(truth));
+  wrong.e_u *= 2;
+  wrong.e_v *= 0.5;
+  wrong.shear *= 2;
+  wrong.poisson = 0.1;
+  wrong.b *= 3;
+  Fabric start = orthotropic_fabric("start", stiffness_of(wrong));
+  start.set("bend_uv", 0.1 * wrong.b);  // counts only where it is searched
+  std::vector<std::vector<std::string>> sets{default_scan_parameters()};
+  sets.push_back({"membrane_uu", "membrane_vv", "membrane_uv", "membrane_shear", "bend_uu",
+                  "bend_vv", "bend_uv", "bend_twist"});
+  for (const auto& free : sets) {
+    fmt::print("\n{}: {} targets on {} cells, {} unknowns\n", name, trials.size(), arguments.cells,
+               free.size());
+    const ScanProblem problem(trials, arguments.make_solver(), start, free);
+    if (free.size() > 5) print_targets(problem, truth, "at the truth");
+    const ScanFitResult fit = fit_scan(problem, start, arguments.fit);
+    print_fit(fit, &truth);
+    print_bending(fit.fabric, truth);
+    print_targets(problem, fit.fabric, "at the estimate");
+  }
+}
+
+/// The shape of a video capture's true surface at its last frame, or at its first where it moves.
+void add_rest(const std::filesystem::path& folder, const Arguments& arguments,
+              std::vector<std::shared_ptr<const ScanTrial>>& trials) {
+  const Capture from = read_capture(folder);
+  const TruthSurface truth = read_truth(from);
+  const bool moves = from.frame_count > 10;
+  const int frame = moves ? 0 : from.frame_count - 1;
+  ScanCapture capture;
+  capture.name = from.name;
+  capture.width = from.width;
+  capture.height = from.height;
+  capture.areal_density = from.areal_density;
+  ScanTarget target;
+  target.name = fmt::format("{} {}", from.name, frame);
+  target.gravity = from.gravity;
+  for (const CaptureFixture& fixture : from.fixtures) {
+    ScanClamp clamp;
+    clamp.name = fixture.name;
+    clamp.kind = ClampKind::points;
+    clamp.region = {fixture.at, fixture.at};
+    target.clamps.push_back(clamp);
+  }
+  capture.targets = {target};
+  const ScanShape shape{truth.mesh,
+                        truth.frames[static_cast<std::size_t>(frame)],
+                        VecX::Ones(truth.mesh.vertex_count()),
+                        {}};
+  ScanOptions options;
+  options.cells = arguments.cells;
+  options.descriptor = arguments.descriptor;
+  trials.push_back(prepare_scan(capture, std::vector<ScanShape>{shape}, options).front());
+}
+
+/// What the source's lattice is as a sheet with both diagonals taut (its note): C11 = k + k_d, C12
+/// = k_d, shear k_d.
+Fabric continuum(const std::filesystem::path& path) {
+  const TomlTable file = TomlTable::parse_file(path);
+  const Range any{0, 1e6};
+  const double k = file.number("edge_spring_k_N_per_m", any),
+               d = file.number("diagonal_spring_k_d_N_per_m", any);
+  return orthotropic_fabric("continuum",
+                            {k + d, k + d, d, d, file.number("bending_stiffness_N_m", any)});
+}
+
+}  // namespace
+
+void mechanical_scans(const Arguments& arguments) {
+  for (const std::string& name :
+       arguments.fabrics.empty() ? std::vector<std::string>{"knit", "blend"} : arguments.fabrics)
+    fit_mechanical_fabric(arguments, name);
+}
+
+void capture_scans(const Arguments& arguments) {
+  for (const std::string& name : arguments.fabrics.empty()
+                                     ? std::vector<std::string>{"cotton", "denim", "silk"}
+                                     : arguments.fabrics) {
+    std::vector<std::shared_ptr<const ScanTrial>> trials;
+    const std::filesystem::path folder = arguments.data / "captures";
+    add_rest(folder / (name + "_static_1"), arguments, trials);
+    add_rest(folder / (name + "_waving_A"), arguments, trials);
+    const Fabric source = continuum(folder / (name + "_static_1") / "truth/parameters.toml");
+    OrthotropicModuli wrong = moduli_of(stiffness_of(source));
+    wrong.e_u *= 2;
+    wrong.e_v *= 0.5;
+    wrong.shear *= 0.5;
+    wrong.poisson = 0.2;
+    wrong.b *= 3;
+    const Fabric start = orthotropic_fabric("start", stiffness_of(wrong));
+    fmt::print("\n{}: {} targets on {} cells\n", name, trials.size(), arguments.cells);
+    const ScanProblem problem(trials, arguments.make_solver(), start, default_scan_parameters());
+    print_targets(problem, source, "at the source's continuum values");
+    const ScanFitResult fit = fit_scan(problem, start, arguments.fit);
+    print_fit(fit, &source);
+    print_targets(problem, fit.fabric, "at the estimate");
+  }
+}
+
+}  // namespace weft

@@ -1,0 +1,39 @@
+#pragma once
+/// What the parts of weft_validate_scan share.
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "weft/estimate/scan_fit.h"
+
+namespace weft {
+
+struct Arguments {
+  std::vector<std::string> parts;
+  int cells = 24, fine = 64;
+  DescriptorKind descriptor = DescriptorKind::fourier;
+  std::filesystem::path out;  ///< captures are kept here
+  std::filesystem::path data;
+  std::vector<std::string> fabrics;  ///< empty: all
+  ScanFitOptions fit;
+  std::string solver = "static";
+  std::shared_ptr<const EquilibriumSolver> make_solver() const {
+    if (solver == "xpbd") return make_xpbd_solver();
+    return make_static_solver();
+  }
+  bool has(const std::string& part) const {
+    return std::find(parts.begin(), parts.end(), part) != parts.end();
+  }
+};
+
+/// Errors against the truth, unless it is null.
+void print_fit(const ScanFitResult& fit, const Fabric* truth);
+void print_targets(const ScanProblem& problem, const Fabric& fabric, const char* name);
+
+/// Frames of mechanical captures as scans with magnitudes of force.
+void mechanical_scans(const Arguments& arguments);
+/// Shapes at rest of the true surfaces of video captures.
+void capture_scans(const Arguments& arguments);
+
+}  // namespace weft
