@@ -65,10 +65,10 @@ inline Surface cone(double beta, double above, double width) {
 
 struct ScanMaking {
   int points = 12000;
-  double noise = 0.0002;    ///< m, of each coordinate
-  double outliers = 0;      ///< of the points: anywhere in the box about the surface, grown by 5 cm
-  bool hole = false;        ///< nothing in a disc of 4 cm about the middle
-  bool clutter = false;     ///< a table: a plane below, that the cloth nearly touches
+  double noise = 0.0002;  ///< m, of each coordinate
+  double outliers = 0;    ///< of the points: anywhere in the box about the surface, grown by 5 cm
+  bool hole = false;      ///< nothing in a disc of 4 cm about the middle
+  bool clutter = false;   ///< a table: a plane below, that the cloth nearly touches
   std::uint64_t seed = 1;
 };
 
@@ -127,8 +127,7 @@ inline RegistrationError error_of(const GridTemplate& grid, const Points& x,
     const Vec3 sv = surface(uv + Vec2(0, h)) - surface(uv - Vec2(0, h));
     error.same_point += d.norm() / static_cast<double>(x.cols());
     error.same_point_max = std::max(error.same_point_max, d.norm());
-    error.off_surface +=
-        std::abs(d.dot(su.cross(sv).normalized())) / static_cast<double>(x.cols());
+    error.off_surface += std::abs(d.dot(su.cross(sv).normalized())) / static_cast<double>(x.cols());
   }
   return error;
 }

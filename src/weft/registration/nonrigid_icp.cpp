@@ -29,7 +29,17 @@ constexpr double kLeastPull = 0.01;
 constexpr double kReachOverScatter = 4;
 // Strain that curvature may explain.
 constexpr double kLargestChord = 0.05;
-constexpr int kLastRounds = 24;
+constexpr int kCoarseRounds = 30, kLastRounds = 24;
+constexpr double kCoarseStill = 0.01;  // of the reach
+// Pull of a rim vertex against the points of a cell. Where the points end is known to a fraction of
+// their spacing only; what is needed at last is that the sheet does not slide.
+constexpr double kFineRim = 0.05, kLastRim = 0.01;
+constexpr double kCoarseCosine = 0.5;
+// In the last steps the reach falls by at most this a step.
+constexpr double kReachFall = 0.7;
+// Curvature that is usual in folds, of 1 / cell, and the least smoothing, of a cell.
+constexpr double kUsualCurvature = 1.0 / 3;
+constexpr double kLeastSmoothing = 0.3;
 
 double robust_weight(double r, double reach) {
   const double q = 1 + (r / reach) * (r / reach);
@@ -39,13 +49,14 @@ double robust_weight(double r, double reach) {
 /// Value at a share of the sorted data; 0 without data.
 double quantile(std::vector<double> data, double share) {
   if (data.empty()) return 0;
-  const auto k = std::min(data.size() - 1,
-                          static_cast<std::size_t>(share * static_cast<double>(data.size())));
+  const auto k =
+      std::min(data.size() - 1, static_cast<std::size_t>(share * static_cast<double>(data.size())));
   std::nth_element(data.begin(), data.begin() + static_cast<std::ptrdiff_t>(k), data.end());
   return data[k];
 }
 
-/// The nearest point of a triangle to p (Ericson, Real-Time Collision Detection, 5.1.5), as weights.
+/// The nearest point of a triangle to p (Ericson, Real-Time Collision Detection, 5.1.5), as
+/// weights.
 Vec3 nearest_in_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 ab = b - a, ac = c - a, ap = p - a;
   const double d1 = ab.dot(ap), d2 = ac.dot(ap);
@@ -78,7 +89,8 @@ Vec3 nearest_in_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3
 /// A symmetric 3 n x 3 n matrix, lower triangle, addressed by pairs of vertices.
 class BlockMatrix {
  public:
-  BlockMatrix(int vertices, std::vector<std::pair<int, int>> pairs) : later_(vertices_of(vertices)) {
+  BlockMatrix(int vertices, std::vector<std::pair<int, int>> pairs)
+      : later_(vertices_of(vertices)) {
     for (const auto& [a, b] : pairs) {
       if (a != b) later_[static_cast<std::size_t>(std::min(a, b))].push_back(std::max(a, b));
     }
@@ -137,10 +149,10 @@ class BlockMatrix {
 /// weight / 2 |direction^T (sum b_i x_i) - target|^2: along one normal, or in all directions.
 struct Pull {
   std::array<int, 3> vertices{};
-  Vec3 share;              ///< barycentric weights
-  Mat3 metric;             ///< n n^T, or the identity
-  Vec3 target;             ///< m
-  double weight = 0;       ///< m^2
+  Vec3 share;         ///< barycentric weights
+  Mat3 metric;        ///< n n^T, or the identity
+  Vec3 target;        ///< m
+  double weight = 0;  ///< m^2
 };
 
 /// The nearest point of the grid to a point of the scan.
@@ -156,7 +168,7 @@ struct Association {
 struct Stage {
   double reach, smoothing, isometry;  ///< m
   int rounds;
-  bool draw_rim;  ///< to points beyond it
+  bool coarse;  ///< wider than cells
   bool last;
 };
 
@@ -175,8 +187,8 @@ struct Cell {
 
 /// A vertex of the rim on one side of the swatch.
 struct RimVertex {
-  int vertex = 0, inner = 0;  ///< `inner`: the next vertex inward
-  int before = 0, after = 0;  ///< along the rim; the vertex itself at the ends
+  int vertex = 0, inner = 0;   ///< `inner`: the next vertex inward
+  int before = 0, after = 0;   ///< along the rim; the vertex itself at the ends
   std::vector<double> beyond;  ///< how far points lie beyond it, m
 };
 
@@ -217,13 +229,13 @@ class GridIcp {
  public:
   GridIcp(const GridTemplate& grid, const Scan& scan, const ScanGeometry& geometry,
           const std::vector<Landmark>& landmarks, const RegistrationOptions& options);
-  ScanRegistration run(Points x);
+  ScanRegistration run(const RegistrationStart& start);
 
  private:
   void make_rim();
   std::vector<std::pair<int, int>> pairs() const;
   std::vector<Stage> stages() const;
-  void set_reach(Stage& stage, double previous) const;
+  void set_scales(Stage& stage, double previous) const;
 
   void associate(const Points& x, const Stage& stage);
   Association nearest(const Points& x, const PointTree& tree, int point,
@@ -232,13 +244,16 @@ class GridIcp {
   void make_pulls(const Points& x, const Stage& stage);
   void draw_rim(const Points& x, const Stage& stage);
   void collect_beyond(const Points& x, double reach);
+  void find_curvature(const Points& x);
+  Vec3 bulge(const std::array<int, 3>& triangle, const Vec3& share) const;
   void correct_chords(const Points& x);
   double scatter() const;
 
   double energy(const Points& x, const Stage& stage) const;
   double step(Points& x, const Stage& stage);
   void assemble(const Points& x, const Stage& stage);
-  void finish(ScanRegistration& result, const Stage& stage) const;
+  double cost(const Points& x, const Stage& stage);
+  void finish(ScanRegistration& result, const Stage& stage);
   void finish_vertices(ScanRegistration& result) const;
 
   const GridTemplate& grid_;
@@ -251,15 +266,17 @@ class GridIcp {
   std::vector<std::vector<int>> triangles_of_vertex_;
   std::vector<char> rim_edge_;  ///< of each triangle, bit k: the edge from corner k is on the rim
   std::vector<int> points_;     ///< that take part
-  VecX area_;                   ///< of each of them, m^2
-  double usual_area_ = 0;       ///< median, m^2
+  const std::vector<char>* piece_ = nullptr;
+  VecX area_;              ///< of each of them, m^2
+  double usual_area_ = 0;  ///< median, m^2
   std::vector<Association> associations_;
   std::vector<Pull> pulls_, landmark_pulls_;
   BlockMatrix matrix_;
   VecX bend_values_;  ///< of the matrix, for smoothing 1
   SparseCholesky<double> cholesky_;
   Points gradient_, trial_;
-  double cell_;  ///< m
+  Points uu_, uv_, vv_;  ///< second derivatives at the vertices, 1/m
+  double cell_;          ///< m
   double damping_ = 1e-3;
 };
 
@@ -272,7 +289,8 @@ GridIcp::GridIcp(const GridTemplate& grid, const Scan& scan, const ScanGeometry&
       bends_(make_bends(grid)),
       cells_(make_cells(grid)),
       matrix_(grid.mesh.vertex_count(), pairs()),
-      cholesky_(matrix_.matrix(), std::vector<char>(static_cast<std::size_t>(grid.mesh.vertex_count()), 0),
+      cholesky_(matrix_.matrix(),
+                std::vector<char>(static_cast<std::size_t>(grid.mesh.vertex_count()), 0),
                 grid.mesh.material),
       cell_(std::sqrt(grid.cell_u() * grid.cell_v())) {
   make_rim();
@@ -322,17 +340,29 @@ void GridIcp::make_rim() {
   const int last_column = grid_.columns - 1, last_row = grid_.rows - 1;
   for (int j = 0; j <= last_row; ++j) {
     const int before = std::max(j - 1, 0), after = std::min(j + 1, last_row);
-    rim_[0].push_back({grid_.vertex(0, j), grid_.vertex(1, j), grid_.vertex(0, before),
-                       grid_.vertex(0, after), {}});
-    rim_[1].push_back({grid_.vertex(last_column, j), grid_.vertex(last_column - 1, j),
-                       grid_.vertex(last_column, before), grid_.vertex(last_column, after), {}});
+    rim_[0].push_back({grid_.vertex(0, j),
+                       grid_.vertex(1, j),
+                       grid_.vertex(0, before),
+                       grid_.vertex(0, after),
+                       {}});
+    rim_[1].push_back({grid_.vertex(last_column, j),
+                       grid_.vertex(last_column - 1, j),
+                       grid_.vertex(last_column, before),
+                       grid_.vertex(last_column, after),
+                       {}});
   }
   for (int i = 0; i <= last_column; ++i) {
     const int before = std::max(i - 1, 0), after = std::min(i + 1, last_column);
-    rim_[2].push_back({grid_.vertex(i, 0), grid_.vertex(i, 1), grid_.vertex(before, 0),
-                       grid_.vertex(after, 0), {}});
-    rim_[3].push_back({grid_.vertex(i, last_row), grid_.vertex(i, last_row - 1),
-                       grid_.vertex(before, last_row), grid_.vertex(after, last_row), {}});
+    rim_[2].push_back({grid_.vertex(i, 0),
+                       grid_.vertex(i, 1),
+                       grid_.vertex(before, 0),
+                       grid_.vertex(after, 0),
+                       {}});
+    rim_[3].push_back({grid_.vertex(i, last_row),
+                       grid_.vertex(i, last_row - 1),
+                       grid_.vertex(before, last_row),
+                       grid_.vertex(after, last_row),
+                       {}});
   }
   triangles_of_vertex_.resize(static_cast<std::size_t>(grid_.mesh.vertex_count()));
   rim_edge_.assign(grid_.mesh.triangles.size(), 0);
@@ -363,7 +393,8 @@ std::vector<Stage> GridIcp::stages() const {
   const double finest = std::max(0.5 * cell_, 2 * options_.least_reach);
   for (double reach = start; reach > finest; reach /= 2) {
     stages.push_back({reach, std::max(0.5 * reach, smoothing),
-                      isometry * std::min(1.0, 0.1 * start / reach), 8, reach > 2 * cell_, false});
+                      isometry * std::min(1.0, 0.1 * start / reach),
+                      reach > 2 * cell_ ? kCoarseRounds : 8, reach > 2 * cell_, false});
   }
   stages.push_back({finest, smoothing, isometry, 8, false, false});
   stages.push_back({finest, smoothing, isometry, kLastRounds, false, true});
@@ -390,8 +421,8 @@ Association GridIcp::nearest(const Points& x, const PointTree& tree, int point,
   }
   const auto& [i, j, k] = grid_.mesh.triangles[static_cast<std::size_t>(best.triangle)];
   best.normal = (x.col(j) - x.col(i)).cross(x.col(k) - x.col(i)).normalized();
-  const Vec3 offset =
-      p - best.share[0] * x.col(i) - best.share[1] * x.col(j) - best.share[2] * x.col(k);
+  const Vec3 offset = p - best.share[0] * x.col(i) - best.share[1] * x.col(j) -
+                      best.share[2] * x.col(k) - bulge({i, j, k}, best.share);
   best.along = best.normal.dot(offset);
   for (std::size_t e = 0; e < 3; ++e) {
     // The weight of the corner across the edge is 0: the nearest point is on that edge.
@@ -405,6 +436,7 @@ Association GridIcp::nearest(const Points& x, const PointTree& tree, int point,
 
 void GridIcp::associate(const Points& x, const Stage& stage) {
   const PointTree tree(x);
+  find_curvature(x);
   const auto chunks = (points_.size() + kChunk - 1) / kChunk;
   parallel_for(chunks, options_.threads, [&](std::size_t chunk) {
     std::vector<PointTree::Neighbour> near;
@@ -417,12 +449,16 @@ void GridIcp::associate(const Points& x, const Stage& stage) {
 }
 
 void GridIcp::weigh(const Stage& stage) {
-  const double least_cosine = stage.last || !stage.draw_rim ? std::cos(options_.largest_turn) : 0;
+  const double least_cosine = std::cos(options_.largest_turn);
   for (std::size_t i = 0; i < points_.size(); ++i) {
     Association& a = associations_[i];
     const double cosine = std::abs(a.normal.dot(geometry_.normal.col(points_[i])));
-    a.weight = cosine < least_cosine ? 0 : robust_weight(std::hypot(a.along, a.across), stage.reach);
-    if (a.weight < kLeastPull) a.weight = 0;
+    // A sheet that is still far from its shape may be turned further.
+    const double limit = stage.coarse ? kCoarseCosine * least_cosine : least_cosine;
+    a.weight = cosine < limit ? 0 : robust_weight(std::hypot(a.along, a.across), stage.reach);
+    const bool other =
+        stage.coarse && !piece_->empty() && !(*piece_)[static_cast<std::size_t>(points_[i])];
+    if (a.weight < kLeastPull || other) a.weight = 0;
   }
 }
 
@@ -435,8 +471,9 @@ void GridIcp::make_pulls(const Points& x, const Stage& stage) {
     const auto& triangle = grid_.mesh.triangles[static_cast<std::size_t>(a.triangle)];
     const Vec3 p = scan_.position.col(points_[i]);
     if (a.across == 0) {
-      pulls_.push_back({triangle, a.share, a.normal * a.normal.transpose(), p, weight});
-    } else if (stage.draw_rim) {
+      pulls_.push_back({triangle, a.share, a.normal * a.normal.transpose(),
+                        p - bulge(triangle, a.share), weight});
+    } else if (!stage.last) {
       pulls_.push_back({triangle, a.share, Mat3::Identity(), p, weight});
     }
   }
@@ -478,6 +515,7 @@ void GridIcp::draw_rim(const Points& x, const Stage& stage) {
   constexpr std::size_t rank = 2;
   constexpr std::size_t fewest = 4;
   const double reach = std::max(stage.reach, cell_);
+  const double share = stage.coarse ? 1 : stage.last ? kLastRim : kFineRim;
   collect_beyond(x, 2 * reach);
   for (std::size_t side = 0; side < 4; ++side) {
     const double width = side < 2 ? grid_.cell_v() : grid_.cell_u();
@@ -485,9 +523,8 @@ void GridIcp::draw_rim(const Points& x, const Stage& stage) {
       if (rim.beyond.size() < fewest) continue;
       std::nth_element(rim.beyond.begin(), rim.beyond.begin() + (rank - 1), rim.beyond.end(),
                        std::greater<>());
-      const double end =
-          rim.beyond[rank - 1] + static_cast<double>(rank) * usual_area_ / width;
-      const double weight = robust_weight(end, reach) * cell_ * cell_;
+      const double end = rim.beyond[rank - 1] + static_cast<double>(rank) * usual_area_ / width;
+      const double weight = share * robust_weight(end, reach) * cell_ * cell_;
       const Vec3 along = (x.col(rim.after) - x.col(rim.before)).normalized();
       Vec3 out = x.col(rim.vertex) - x.col(rim.inner);
       out = (out - out.dot(along) * along).normalized();
@@ -498,6 +535,45 @@ void GridIcp::draw_rim(const Points& x, const Stage& stage) {
                         weight});
     }
   }
+}
+
+void GridIcp::find_curvature(const Points& x) {
+  const int columns = grid_.columns, rows = grid_.rows;
+  const double hu = grid_.cell_u(), hv = grid_.cell_v();
+  uu_.resize(3, x.cols());
+  uv_.resize(3, x.cols());
+  vv_.resize(3, x.cols());
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      const int here = grid_.vertex(i, j);
+      const int u = grid_.vertex(std::clamp(i, 1, columns - 2), j);
+      const int v = grid_.vertex(i, std::clamp(j, 1, rows - 2));
+      const int w = grid_.vertex(std::clamp(i, 1, columns - 2), std::clamp(j, 1, rows - 2));
+      uu_.col(here) = (x.col(u - 1) - 2 * x.col(u) + x.col(u + 1)) / (hu * hu);
+      vv_.col(here) = (x.col(v - columns) - 2 * x.col(v) + x.col(v + columns)) / (hv * hv);
+      uv_.col(here) = (x.col(w + columns + 1) - x.col(w + columns - 1) - x.col(w - columns + 1) +
+                       x.col(w - columns - 1)) /
+                      (4 * hu * hv);
+    }
+  }
+}
+
+/// From the flat triangle to the curved surface through its vertices: for a quadratic function
+/// -1/2 sum over its edges of share_a share_b times the second derivative along the edge.
+Vec3 GridIcp::bulge(const std::array<int, 3>& triangle, const Vec3& share) const {
+  Vec3 sum = Vec3::Zero();
+  for (std::size_t a = 0; a < 3; ++a) {
+    const std::size_t b = (a + 1) % 3;
+    const int i = triangle[a], j = triangle[b];
+    const Vec2 e = grid_.mesh.material.col(j) - grid_.mesh.material.col(i);
+    const double both =
+        share[static_cast<Eigen::Index>(a)] * share[static_cast<Eigen::Index>(b)] / 2;
+    sum -=
+        both / 2 *
+        (e.x() * e.x() * (uu_.col(i) + uu_.col(j)) + 2 * e.x() * e.y() * (uv_.col(i) + uv_.col(j)) +
+         e.y() * e.y() * (vv_.col(i) + vv_.col(j)));
+  }
+  return sum;
 }
 
 /// A fibre of curvature k over a cell of width h shows a chord shorter by k^2 h^2 / 24.
@@ -530,18 +606,24 @@ double GridIcp::scatter() const {
   return 1.4826 * quantile(std::move(distances), 0.5);
 }
 
-/// The reach of late steps follows the scatter of the inliers.
-void GridIcp::set_reach(Stage& stage, double previous) const {
-  if (stage.draw_rim) return;
-  const double scattered = std::min(previous, kReachOverScatter * scatter());
-  const double least = std::max(options_.least_reach, scattered);
-  stage.reach = stage.last ? least : std::max(stage.reach, least);
+/// The reach of late steps follows the scatter of the inliers, and so does smoothing at the end:
+/// the variance of what n points say of a cell, against the one of curvature.
+void GridIcp::set_scales(Stage& stage, double previous) const {
+  if (stage.coarse) return;
+  const double scattered = scatter();
+  const double least =
+      std::max(options_.least_reach, std::min(previous, kReachOverScatter * scattered));
+  stage.reach = std::max(stage.last ? kReachFall * stage.reach : stage.reach, least);
+  if (!stage.last || options_.smoothing > 0) return;
+  const double fourth = usual_area_ * std::pow(scattered / kUsualCurvature, 2);
+  stage.smoothing = std::clamp(std::pow(fourth, 0.25), kLeastSmoothing * cell_, cell_);
 }
 
 double GridIcp::energy(const Points& x, const Stage& stage) const {
   double sum = 0;
   for (const Pull& pull : pulls_) {
-    const Vec3 d = pull.share[0] * x.col(pull.vertices[0]) + pull.share[1] * x.col(pull.vertices[1]) +
+    const Vec3 d = pull.share[0] * x.col(pull.vertices[0]) +
+                   pull.share[1] * x.col(pull.vertices[1]) +
                    pull.share[2] * x.col(pull.vertices[2]) - pull.target;
     sum += pull.weight * d.dot(pull.metric * d);
   }
@@ -575,7 +657,8 @@ void GridIcp::assemble(const Points& x, const Stage& stage) {
     }
   }
   for (const Pull& pull : pulls_) {
-    const Vec3 d = pull.share[0] * x.col(pull.vertices[0]) + pull.share[1] * x.col(pull.vertices[1]) +
+    const Vec3 d = pull.share[0] * x.col(pull.vertices[0]) +
+                   pull.share[1] * x.col(pull.vertices[1]) +
                    pull.share[2] * x.col(pull.vertices[2]) - pull.target;
     const Vec3 force = pull.weight * (pull.metric * d);
     for (std::size_t a = 0; a < 3; ++a) {
@@ -611,9 +694,9 @@ void GridIcp::assemble(const Points& x, const Stage& stage) {
     const Mat3 duu = du * du.transpose(), dvv = dv * dv.transpose();
     for (std::size_t a = 0; a < 4; ++a) {
       for (std::size_t b = 0; b <= a; ++b) {
-        matrix_.add(cell.vertices[a], cell.vertices[b],
-                    scale * (cu[a] * cu[b] * duu + cv[a] * cv[b] * dvv +
-                             0.5 * ds[a] * ds[b].transpose()));
+        matrix_.add(
+            cell.vertices[a], cell.vertices[b],
+            scale * (cu[a] * cu[b] * duu + cv[a] * cv[b] * dvv + 0.5 * ds[a] * ds[b].transpose()));
       }
     }
   }
@@ -635,7 +718,7 @@ double GridIcp::step(Points& x, const Stage& stage) {
       trial_ = x - trial_;
       if (energy(trial_, stage) <= before) {
         x.swap(trial_);
-        damping_ = std::max(damping_ / 3, 1e-4);
+        damping_ = std::max(damping_ / 3, 1e-5);
         return length;
       }
     }
@@ -644,22 +727,31 @@ double GridIcp::step(Points& x, const Stage& stage) {
   return 0;
 }
 
-ScanRegistration GridIcp::run(Points x) {
+ScanRegistration GridIcp::run(const RegistrationStart& start) {
   ScanRegistration result;
-  const double still = 1e-3 * cell_;
+  Points x = start.x;
+  piece_ = &start.piece;
+  const double still = 3e-4 * cell_;
   Stage last{};
   double previous = std::numeric_limits<double>::infinity();
   for (Stage stage : stages()) {
     damping_ = std::max(damping_, 1e-2);
     for (int round = 0; round < stage.rounds; ++round) {
       associate(x, stage);
-      set_reach(stage, previous);
+      const double reach = stage.reach;
+      set_scales(stage, previous);
       weigh(stage);
       correct_chords(x);
       make_pulls(x, stage);
       const double moved = step(x, stage);
       ++result.rounds;
-      if (moved < still) break;
+      if (getenv("TRACE"))
+        std::printf("reach %.2f smooth %.2f iso %.3f moved %.4f damping %.1e inl %ld\n",
+                    1e3 * stage.reach, 1e3 * stage.smoothing, stage.isometry, 1e3 * moved, damping_,
+                    std::count_if(associations_.begin(), associations_.end(),
+                                  [](const Association& a) { return a.weight > 0; }));
+      if (moved < (stage.coarse ? kCoarseStill * stage.reach : still) && stage.reach > 0.95 * reach)
+        break;
     }
     last = stage;
     previous = stage.reach;
@@ -671,7 +763,7 @@ ScanRegistration GridIcp::run(Points x) {
   return result;
 }
 
-void GridIcp::finish(ScanRegistration& result, const Stage& stage) const {
+void GridIcp::finish(ScanRegistration& result, const Stage& stage) {
   const Points& x = result.x;
   result.reach = stage.reach;
   result.points = scan_.size();
@@ -704,7 +796,20 @@ void GridIcp::finish(ScanRegistration& result, const Stage& stage) const {
     sum += std::pow(wu.norm() - cell.rest_u, 2) + std::pow(wv.norm() - cell.rest_v, 2);
   }
   result.strain_rms = std::sqrt(sum / (2.0 * static_cast<double>(cells_.size())));
+  result.cost = cost(x, stage);
   finish_vertices(result);
+}
+
+double GridIcp::cost(const Points& x, const Stage& stage) {
+  const double square = 0.25 * cell_ * cell_;
+  pulls_ = landmark_pulls_;
+  double sum = energy(x, stage);
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const Association& a = associations_[i];
+    const double r2 = a.along * a.along + a.across * a.across;
+    sum += 0.5 * area_[static_cast<Eigen::Index>(i)] * square * r2 / (square + r2);
+  }
+  return sum;
 }
 
 void GridIcp::finish_vertices(ScanRegistration& result) const {
@@ -733,11 +838,15 @@ void GridIcp::finish_vertices(ScanRegistration& result) const {
 }
 
 void check(const GridTemplate& grid, const Scan& scan, const ScanGeometry& geometry,
-           const Points& start, const std::vector<Landmark>& landmarks,
+           const RegistrationStart& start, const std::vector<Landmark>& landmarks,
            const RegistrationOptions& options) {
-  if (start.cols() != grid.mesh.vertex_count()) {
-    throw Error(fmt::format("the start has {} vertices, the grid {}", start.cols(),
+  if (start.x.cols() != grid.mesh.vertex_count()) {
+    throw Error(fmt::format("the start has {} vertices, the grid {}", start.x.cols(),
                             grid.mesh.vertex_count()));
+  }
+  if (!start.piece.empty() && static_cast<int>(start.piece.size()) != scan.size()) {
+    throw Error(fmt::format("a piece of {} flags for a scan of {} points", start.piece.size(),
+                            scan.size()));
   }
   if (geometry.normal.cols() != scan.size()) throw Error("normals of another scan");
   for (const double length : {options.start_error, options.smoothing, options.isometry}) {
@@ -766,11 +875,26 @@ GridTemplate make_grid_template(double width, double height, int columns, int ro
 }
 
 ScanRegistration register_scan(const GridTemplate& grid, const Scan& scan,
-                               const ScanGeometry& geometry, const Points& start,
+                               const ScanGeometry& geometry, const RegistrationStart& start,
                                const std::vector<Landmark>& landmarks,
                                const RegistrationOptions& options) {
   check(grid, scan, geometry, start, landmarks, options);
   return GridIcp(grid, scan, geometry, landmarks, options).run(start);
+}
+
+ScanRegistration register_scan(const GridTemplate& grid, const Scan& scan,
+                               const ScanGeometry& geometry,
+                               const std::vector<RegistrationStart>& starts,
+                               const std::vector<Landmark>& landmarks,
+                               const RegistrationOptions& options) {
+  if (starts.empty()) throw Error("a registration needs a start");
+  ScanRegistration best;
+  for (std::size_t k = 0; k < starts.size(); ++k) {
+    ScanRegistration next = register_scan(grid, scan, geometry, starts[k], landmarks, options);
+    if (getenv("TRACE")) std::printf("start %zu cost %.4g inl %d\n", k, next.cost, next.inliers);
+    if (k == 0 || next.cost < best.cost) best = std::move(next);
+  }
+  return best;
 }
 
 }  // namespace weft

@@ -55,8 +55,7 @@ int PointTree::build(int begin, int end) {
 }
 
 template <class Visit>
-void PointTree::search(int at, const Vec3& query, double& reach_squared,
-                       const Visit& visit) const {
+void PointTree::search(int at, const Vec3& query, double& reach_squared, const Visit& visit) const {
   const Node& node = nodes_[static_cast<std::size_t>(at)];
   if (node.axis < 0) {
     for (int i = node.begin; i < node.end; ++i) {

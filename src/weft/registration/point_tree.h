@@ -14,8 +14,8 @@ class PointTree {
   explicit PointTree(const Points& points);
 
   struct Neighbour {
-    int index = -1;          ///< column of the points; -1: none within reach
-    double squared = 0;      ///< m^2
+    int index = -1;      ///< column of the points; -1: none within reach
+    double squared = 0;  ///< m^2
   };
   /// The nearest point closer than `reach`, m.
   Neighbour nearest(const Vec3& query,

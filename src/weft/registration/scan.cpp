@@ -90,8 +90,8 @@ ScanGeometry scan_geometry(const Scan& scan, int neighbours, int threads) {
       }
       const Eigen::SelfAdjointEigenSolver<Mat3> solver(scatter);
       geometry.normal.col(i) = solver.eigenvectors().col(0);
-      geometry.spacing[i] =
-          std::sqrt(near.back().squared / static_cast<double>(std::max<std::size_t>(near.size(), 1)));
+      geometry.spacing[i] = std::sqrt(near.back().squared /
+                                      static_cast<double>(std::max<std::size_t>(near.size(), 1)));
       const Vec3 spread = solver.eigenvalues().cwiseMax(0).cwiseSqrt();
       if (spread[0] > kLargestThickness * spread[1]) {
         geometry.on_surface[static_cast<std::size_t>(i)] = 0;

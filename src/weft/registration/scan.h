@@ -12,8 +12,8 @@ namespace weft {
 
 /// A measured surface. `triangles` is empty for a cloud; `colour` where the file has none.
 struct Scan {
-  Points position;           ///< 3 x n, m
-  Eigen::Matrix3Xf colour;   ///< 3 x n or empty; red, green, blue, 0 to 1 as stored (sRGB)
+  Points position;          ///< 3 x n, m
+  Eigen::Matrix3Xf colour;  ///< 3 x n or empty; red, green, blue, 0 to 1 as stored (sRGB)
   std::vector<std::array<int, 3>> triangles;
 
   int size() const { return static_cast<int>(position.cols()); }

@@ -202,10 +202,14 @@ class PlyReader {
       if (words[0] == "end_header") break;
       if (words[0] == "format" && words.size() >= 2) {
         known = true;
-        if (words[1] == "ascii") format_ = PlyFormat::ascii;
-        else if (words[1] == "binary_little_endian") format_ = PlyFormat::little;
-        else if (words[1] == "binary_big_endian") format_ = PlyFormat::big;
-        else known = false;
+        if (words[1] == "ascii")
+          format_ = PlyFormat::ascii;
+        else if (words[1] == "binary_little_endian")
+          format_ = PlyFormat::little;
+        else if (words[1] == "binary_big_endian")
+          format_ = PlyFormat::big;
+        else
+          known = false;
       } else if (words[0] == "element" && words.size() == 3) {
         double count = -1;
         if (!number_of(words[2], count) || !(count >= 0) || count > 2e9) {
@@ -376,8 +380,8 @@ std::vector<Scan> read_frames_csv(const fs::path& path, const std::string& text,
     const auto numbers = numbers_of(line, false, path, lines.number());
     if (numbers.empty()) continue;
     if (numbers.size() != column.size()) {
-      throw error_at({path, lines.number(), {}}, fmt::format("{} numbers, {} columns",
-                                                             numbers.size(), column.size()));
+      throw error_at({path, lines.number(), {}},
+                     fmt::format("{} numbers, {} columns", numbers.size(), column.size()));
     }
     const double frame = numbers[column["frame"]];
     const auto last = static_cast<double>(frames.size()) - 1;
@@ -427,8 +431,9 @@ std::vector<Scan> read_scans(const fs::path& path, double unit) {
     std::vector<Scan> scans;
     for (const fs::path& file : files) {
       if (ending_of(file) != ending_of(files.front())) {
-        throw error_at({file, 0, {}}, fmt::format("scans of a sequence have one ending; {} is there, too",
-                                                  files.front().filename().string()));
+        throw error_at({file, 0, {}},
+                       fmt::format("scans of a sequence have one ending; {} is there, too",
+                                   files.front().filename().string()));
       }
       scans.push_back(read_scan(file, unit));
     }
