@@ -745,11 +745,6 @@ ScanRegistration GridIcp::run(const RegistrationStart& start) {
       make_pulls(x, stage);
       const double moved = step(x, stage);
       ++result.rounds;
-      if (getenv("TRACE"))
-        std::printf("reach %.2f smooth %.2f iso %.3f moved %.4f damping %.1e inl %ld\n",
-                    1e3 * stage.reach, 1e3 * stage.smoothing, stage.isometry, 1e3 * moved, damping_,
-                    std::count_if(associations_.begin(), associations_.end(),
-                                  [](const Association& a) { return a.weight > 0; }));
       if (moved < (stage.coarse ? kCoarseStill * stage.reach : still) && stage.reach > 0.95 * reach)
         break;
     }
@@ -891,7 +886,6 @@ ScanRegistration register_scan(const GridTemplate& grid, const Scan& scan,
   ScanRegistration best;
   for (std::size_t k = 0; k < starts.size(); ++k) {
     ScanRegistration next = register_scan(grid, scan, geometry, starts[k], landmarks, options);
-    if (getenv("TRACE")) std::printf("start %zu cost %.4g inl %d\n", k, next.cost, next.inliers);
     if (k == 0 || next.cost < best.cost) best = std::move(next);
   }
   return best;
