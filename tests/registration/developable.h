@@ -17,7 +17,8 @@ namespace weft::testing {
 using Surface = std::function<Vec3(const Vec2&)>;
 
 /// A generalized cylinder over the plane curve whose tangent has the angle phi(s); its rulings are
-/// turned by `turn` rad from v. Exact up to the quadrature of the curve.
+/// turned by `turn` rad from v. The middle of the sheet is at the origin. Exact up to the
+/// quadrature of the curve.
 inline Surface cylinder_over(std::function<double(double)> phi, double turn, double width,
                              double height) {
   constexpr int steps = 4000;
@@ -28,6 +29,8 @@ inline Surface cylinder_over(std::function<double(double)> phi, double turn, dou
     const double angle = phi(-reach + (k + 0.5) * ds);
     table->push_back(table->back() + ds * Vec2(std::cos(angle), std::sin(angle)));
   }
+  const Vec2 middle = (*table)[steps / 2];
+  for (Vec2& point : *table) point -= middle;
   return [=](const Vec2& uv) -> Vec3 {
     const Vec2 p = uv - Vec2(width / 2, height / 2);
     const double s = p.x() * std::cos(turn) + p.y() * std::sin(turn);

@@ -230,6 +230,7 @@ class GridIcp {
   GridIcp(const GridTemplate& grid, const Scan& scan, const ScanGeometry& geometry,
           const std::vector<Landmark>& landmarks, const RegistrationOptions& options);
   ScanRegistration run(const RegistrationStart& start);
+  VecX distances(const Points& x);
 
  private:
   void make_rim();
@@ -758,6 +759,21 @@ ScanRegistration GridIcp::run(const RegistrationStart& start) {
   return result;
 }
 
+VecX GridIcp::distances(const Points& x) {
+  const std::vector<char> all;
+  piece_ = &all;
+  associate(
+      x,
+      {.reach = cell_, .smoothing = 0, .isometry = 0, .rounds = 0, .coarse = true, .last = false});
+  VecX along(static_cast<Eigen::Index>(associations_.size()));
+  for (std::size_t i = 0; i < associations_.size(); ++i) {
+    const Association& a = associations_[i];
+    along[static_cast<Eigen::Index>(i)] =
+        a.across == 0 ? a.along : std::numeric_limits<double>::quiet_NaN();
+  }
+  return along;
+}
+
 void GridIcp::finish(ScanRegistration& result, const Stage& stage) {
   const Points& x = result.x;
   result.reach = stage.reach;
@@ -889,6 +905,15 @@ ScanRegistration register_scan(const GridTemplate& grid, const Scan& scan,
     if (k == 0 || next.cost < best.cost) best = std::move(next);
   }
   return best;
+}
+
+VecX distances_to_surface(const GridTemplate& grid, const Points& x, const Points& points) {
+  Scan scan;
+  scan.position = points;
+  const ScanGeometry geometry{Points::Zero(3, points.cols()), VecX::Ones(points.cols()),
+                              std::vector<char>(static_cast<std::size_t>(points.cols()), 1)};
+  check(grid, scan, geometry, {x, {}}, {}, {});
+  return GridIcp(grid, scan, geometry, {}, {}).distances(x);
 }
 
 }  // namespace weft

@@ -107,6 +107,10 @@ ScanRegistration register_scan(const GridTemplate& grid, const Scan& scan,
                                const std::vector<Landmark>& landmarks = {},
                                const RegistrationOptions& options = {});
 
+/// Distances of points (3 x n, m) to a registered surface with curved cells: signed, along the
+/// normal; NaN for points beyond the rim. n numbers, m.
+VecX distances_to_surface(const GridTemplate& grid, const Points& x, const Points& points);
+
 /// Where a registration may begin without a start shape: the flat grid in the plane of points, its
 /// centre where their bounding rectangle has its own, u along `u_direction` and v along
 /// `v_direction` as far as the plane allows (unit vectors; the sheet is turned and mirrored so that
