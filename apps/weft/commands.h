@@ -7,6 +7,7 @@ namespace weft::app {
 
 void add_check(CLI::App& app);
 void add_surface(CLI::App& app);
+void add_register(CLI::App& app);
 void add_fit(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_render(CLI::App& app);

@@ -1,0 +1,316 @@
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "command_line.h"
+#include "commands.h"
+#include "options.h"
+#include "weft/base/error.h"
+#include "weft/capture/table_file.h"
+#include "weft/mesh/mesh_io.h"
+#include "weft/registration/nonrigid_icp.h"
+#include "weft/report/plot.h"
+
+namespace weft::app {
+namespace {
+
+struct Arguments {
+  std::string scan;
+  std::string swatch;
+  std::string out;
+  std::string start;
+  std::string landmarks;
+  std::string u_axis = "1,0,0", v_axis = "0,0,-1";
+  int grid = 41;
+  double unit = 1;
+  RegistrationOptions options;
+  bool overwrite = false;
+  bool json = false;
+};
+
+/// The numbers of "AxB" or "A,B,C".
+std::vector<double> numbers_in(const std::string& option, const std::string& text, char separator,
+                               std::size_t count) {
+  std::vector<double> numbers;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  while (true) {
+    double value = 0;
+    const auto [next, status] = std::from_chars(at, end, value);
+    if (status != std::errc() || !std::isfinite(value)) break;
+    numbers.push_back(value);
+    at = next;
+    if (at == end || *at != separator) break;
+    ++at;
+  }
+  if (at != end || numbers.size() != count) {
+    throw Error(fmt::format("{} \"{}\": expected {} numbers with \"{}\" between", option, text,
+                            count, separator));
+  }
+  return numbers;
+}
+
+Vec3 direction(const std::string& option, const std::string& text) {
+  const auto numbers = numbers_in(option, text, ',', 3);
+  const Vec3 v(numbers[0], numbers[1], numbers[2]);
+  if (!(v.norm() > 1e-9)) throw Error(fmt::format("{}: no direction", option));
+  return v.normalized();
+}
+
+GridTemplate read_template(const Arguments& arguments) {
+  const auto sides = numbers_in("--swatch", arguments.swatch, 'x', 2);
+  if (!(sides[0] >= 0.001 && sides[0] <= 10 && sides[1] >= 0.001 && sides[1] <= 10)) {
+    throw Error(fmt::format("--swatch {}: sides must be 0.001 to 10 m", arguments.swatch));
+  }
+  const double longer = std::max(sides[0], sides[1]);
+  const auto along = [&](double side) {
+    return std::max(3, 1 + static_cast<int>(std::lround((arguments.grid - 1) * side / longer)));
+  };
+  return make_grid_template(sides[0], sides[1], along(sides[0]), along(sides[1]));
+}
+
+std::vector<Landmark> read_landmarks(const std::string& path) {
+  std::vector<Landmark> landmarks;
+  if (path.empty()) return landmarks;
+  const TableFile table(path);
+  const VecX u = table.numbers("u_m"), v = table.numbers("v_m"), x = table.numbers("x_m"),
+             y = table.numbers("y_m"), z = table.numbers("z_m");
+  const VecX weight = table.has("weight") ? table.numbers("weight") : VecX(VecX::Ones(u.size()));
+  for (Eigen::Index k = 0; k < u.size(); ++k) {
+    if (!(weight[k] >= 0)) {
+      throw table.fail(static_cast<std::size_t>(k), "weight", "must be at least 0");
+    }
+    landmarks.push_back({Vec2(u[k], v[k]), Vec3(x[k], y[k], z[k]), weight[k]});
+  }
+  return landmarks;
+}
+
+/// The shape in an OBJ whose vt are (u, v) in m, at the vertices of the grid.
+Points read_start(const std::string& path, const GridTemplate& grid) {
+  ObjMesh obj = read_obj(path);
+  if (!obj.texture) {
+    throw error_at({path, 0, "vt"}, "each vertex needs one vt: its (u, v) in m");
+  }
+  TriangleMesh mesh{std::move(*obj.texture), std::move(obj.triangles)};
+  for (int t = 0; t < mesh.triangle_count(); ++t) {
+    auto& triangle = mesh.triangles[static_cast<std::size_t>(t)];
+    if (material_area(mesh, t) < 0) std::swap(triangle[1], triangle[2]);
+  }
+  validate(mesh, path);
+  return interpolate(mesh, MaterialLocator(mesh), obj.positions, grid.mesh.material);
+}
+
+std::vector<RegistrationStart> first_starts(const Arguments& arguments, const GridTemplate& grid,
+                                            const Scan& scan, const ScanGeometry& geometry,
+                                            const std::vector<Landmark>& landmarks) {
+  if (!arguments.start.empty()) return {{read_start(arguments.start, grid), {}}};
+  if (landmarks.size() >= 3) return {{flat_start(grid, landmarks), {}}};
+  return flat_starts(grid, scan, geometry, direction("--u-axis", arguments.u_axis),
+                     direction("--v-axis", arguments.v_axis));
+}
+
+std::string vertex_rows(const GridTemplate& grid, const ScanRegistration& registration, int frame) {
+  std::string text;
+  for (int v = 0; v < grid.mesh.vertex_count(); ++v) {
+    const double distance = registration.distance[v];
+    text +=
+        fmt::format("{},{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{},{},{:.6g}\n", frame, v,
+                    grid.mesh.material(0, v), grid.mesh.material(1, v), registration.x(0, v),
+                    registration.x(1, v), registration.x(2, v), registration.supported(v) ? 1 : 0,
+                    std::isnan(distance) ? std::string() : fmt::format("{:.6g}", distance),
+                    registration.supported(v) ? registration.weight[v] : 0.0);
+  }
+  return text;
+}
+
+int unsupported_count(const ScanRegistration& registration) {
+  int count = 0;
+  for (int v = 0; v < registration.weight.size(); ++v) count += !registration.supported(v);
+  return count;
+}
+
+/// How the distances of the inliers are spread.
+LinePlot residual_plot(const ScanRegistration& registration) {
+  constexpr int bins = 60;
+  const double limit = std::max(3 * registration.residual_rms, 1e-6);
+  PlotSeries series;
+  series.y.assign(bins, 0);
+  for (int b = 0; b < bins; ++b) {
+    series.x.push_back(1e3 * limit * (2 * (b + 0.5) / bins - 1));
+  }
+  for (const double r : registration.residual) {
+    const double at = (r / limit + 1) / 2 * bins;
+    if (at >= 0 && at < bins) series.y[static_cast<std::size_t>(at)] += 1;
+  }
+  LinePlot plot;
+  plot.title = "points of the scan from the registered surface";
+  plot.x.label = "distance along the normal";
+  plot.x.unit = "mm";
+  plot.y.label = "points";
+  plot.y.from_zero = true;
+  plot.series.push_back(std::move(series));
+  return plot;
+}
+
+HeatMap distance_map(const GridTemplate& grid, const ScanRegistration& registration) {
+  HeatMap map;
+  map.title = "distance of the scan, by place on the fabric";
+  map.x_axis.label = "u";
+  map.y_axis.label = "v";
+  map.x_axis.unit = map.y_axis.unit = "m";
+  for (int i = 0; i < grid.columns; ++i) map.x.push_back(grid.mesh.material(0, i));
+  for (int j = 0; j < grid.rows; ++j) map.y.push_back(grid.mesh.material(1, grid.vertex(0, j)));
+  map.values.resize(grid.rows, grid.columns);
+  for (int j = 0; j < grid.rows; ++j) {
+    for (int i = 0; i < grid.columns; ++i) {
+      const int v = grid.vertex(i, j);
+      map.values(j, i) = registration.supported(v) ? 1e3 * registration.distance[v]
+                                                   : std::numeric_limits<double>::quiet_NaN();
+    }
+  }
+  map.label = "distance";
+  map.unit = "mm";
+  map.gap = "unsupported";
+  map.lower = 0;
+  return map;
+}
+
+nlohmann::json summary(int frame, const ScanRegistration& r) {
+  return {{"frame", frame},
+          {"points", r.points},
+          {"inliers", r.inliers},
+          {"residual_median", r.residual_median},
+          {"residual_p95", r.residual_p95},
+          {"residual_rms", r.residual_rms},
+          {"reach", r.reach},
+          {"landmark_rms", r.landmark_rms},
+          {"strain_rms", r.strain_rms},
+          {"unsupported_vertices", unsupported_count(r)},
+          {"steps", r.rounds}};
+}
+
+void print_line(const nlohmann::json& s) {
+  fmt::print(
+      "frame {}: {} of {} points, median {:.2f} mm, 95 % {:.2f} mm, strain {:.2f} % rms, {} "
+      "vertices unsupported\n",
+      s["frame"].get<int>(), s["inliers"].get<int>(), s["points"].get<int>(),
+      1e3 * s["residual_median"].get<double>(), 1e3 * s["residual_p95"].get<double>(),
+      100 * s["strain_rms"].get<double>(), s["unsupported_vertices"].get<int>());
+}
+
+void run(const Arguments& arguments) {
+  const std::filesystem::path out = arguments.out;
+  const GridTemplate grid = read_template(arguments);
+  const std::vector<Landmark> landmarks = read_landmarks(arguments.landmarks);
+  const std::vector<Scan> scans = read_scans(arguments.scan, arguments.unit);
+  prepare_output_folder(out, {"registration.json", "registered.obj"},
+                        arguments.overwrite ? Existing::overwrite : Existing::refuse);
+
+  const double cell = std::min(grid.cell_u(), grid.cell_v());
+  const double size = std::sqrt(grid.width * grid.height);
+  nlohmann::json frames = nlohmann::json::array();
+  std::string vertices = "frame,vertex,u_m,v_m,x_m,y_m,z_m,supported,distance_m,weight\n";
+  PointCache cache;
+  for (std::size_t k = 0; k < scans.size(); ++k) {
+    const Scan scan = sample_scan(scans[k], cell / 4);
+    const ScanGeometry geometry = scan_geometry(scan, 16, arguments.options.threads);
+    RegistrationOptions options = arguments.options;
+    ScanRegistration registration;
+    if (k == 0) {
+      registration = register_scan(grid, scan, geometry,
+                                   first_starts(arguments, grid, scan, geometry, landmarks),
+                                   landmarks, options);
+    } else {
+      // The cloth is near to where it was.
+      options.start_error = std::max(0.06 * size, 1.5 * cell);
+      registration = register_scan(grid, scan, geometry, {cache.frames.back(), {}}, {}, options);
+    }
+    const int frame = static_cast<int>(k);
+    frames.push_back(summary(frame, registration));
+    if (!arguments.json) print_line(frames.back());
+    vertices += vertex_rows(grid, registration, frame);
+    if (k == 0) {
+      write_obj(out / "registered.obj", grid.mesh, registration.x,
+                fmt::format("registered to {}", arguments.scan));
+      write_plot(out / "residuals.svg", residual_plot(registration));
+      write_plot(out / "distance.svg", distance_map(grid, registration));
+    }
+    cache.frames.push_back(std::move(registration.x));
+  }
+  write_text(out / "vertices.csv", vertices);
+  if (scans.size() > 1) write_pc2(out / "registered.pc2", cache);
+  const nlohmann::json result = {{"format", "weft-registration"},
+                                 {"version", 1},
+                                 {"command", command_line()},
+                                 {"made", now()},
+                                 {"swatch", {grid.width, grid.height}},
+                                 {"columns", grid.columns},
+                                 {"rows", grid.rows},
+                                 {"frames", frames}};
+  write_text(out / "registration.json", result.dump(2) + "\n");
+  if (arguments.json) fmt::print("{}\n", result.dump(2));
+}
+
+}  // namespace
+
+void add_register(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "register", "a regular grid laid on a 3D scan of a swatch, or on each of a sequence");
+  auto arguments = std::make_shared<Arguments>();
+  command
+      ->add_option("scan", arguments->scan,
+                   "mesh or points: .ply, .obj, .xyz, .txt, .pts or .csv; for a sequence a folder "
+                   "of these, a .pcseq, or a .csv with a column frame")
+      ->required();
+  command->add_option("--swatch", arguments->swatch, "WIDTHxHEIGHT along u and v, m, 0.001 to 10")
+      ->required();
+  command->add_option("--out", arguments->out, "folder for the results")->required();
+  command->add_option("--grid", arguments->grid, "vertices along the longer side, 3 to 401")
+      ->check(CLI::Range(3, 401))
+      ->capture_default_str();
+  command->add_option("--unit", arguments->unit, "m per unit of the scan's coordinates")
+      ->check(number_in(1e-9, 1e6))
+      ->capture_default_str();
+  command->add_option("--start", arguments->start,
+                      "shape to begin from: an OBJ whose vt are (u, v) in m");
+  command->add_option("--landmarks", arguments->landmarks,
+                      "points of the fabric on the first scan: a CSV with u_m, v_m, x_m, y_m, z_m "
+                      "and perhaps weight; three or more place the sheet");
+  command
+      ->add_option("--u-axis", arguments->u_axis,
+                   "where u runs, about, in the scan's axes (without --start and landmarks)")
+      ->capture_default_str();
+  command->add_option("--v-axis", arguments->v_axis, "where v runs, about")->capture_default_str();
+  command
+      ->add_option("--reach", arguments->options.start_error,
+                   "how far the start may be off, m, 0 to 10; 0: 0.15 of the swatch's size")
+      ->check(number_in(0, 10))
+      ->capture_default_str();
+  command
+      ->add_option("--smoothing", arguments->options.smoothing,
+                   "features narrower than 6 times this are smoothed, m, 0 to 1; 0: 0.3 to 1 cell "
+                   "by the scatter of the points")
+      ->check(number_in(0, 1))
+      ->capture_default_str();
+  command
+      ->add_option("--isometry", arguments->options.isometry,
+                   "distance that weighs as much as 100 % of strain, m, 0 to 100; 0: 0.5 of the "
+                   "swatch's size, 0.02 with 16 landmarks or more")
+      ->check(number_in(0, 100))
+      ->capture_default_str();
+  command->add_option("--threads", arguments->options.threads, "0: all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command->add_flag("--overwrite", arguments->overwrite, "replace the results of another run");
+  command->add_flag("--json", arguments->json, "print JSON");
+  command->footer("Example:\n  weft register scan.ply --swatch 0.5x0.5 --out registered");
+  command->callback([arguments] { run(*arguments); });
+}
+
+}  // namespace weft::app

@@ -1,0 +1,111 @@
+#include "weft/registration/scan.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "weft/base/parallel.h"
+#include "weft/registration/point_tree.h"
+
+namespace weft {
+namespace {
+
+// Points of which normals are computed in one task.
+constexpr int kChunk = 1024;
+constexpr double kLargestSpacing = 4;
+constexpr double kLargestThickness = 0.6;
+
+double longest_edge(const Scan& scan, const std::array<int, 3>& t) {
+  const Vec3 a = scan.position.col(t[0]), b = scan.position.col(t[1]), c = scan.position.col(t[2]);
+  return std::max({(a - b).norm(), (b - c).norm(), (c - a).norm()});
+}
+
+}  // namespace
+
+Scan sample_scan(const Scan& scan, double spacing) {
+  if (scan.triangles.empty()) return scan;
+  Scan sampled;
+  std::vector<Vec3> position;
+  std::vector<Eigen::Vector3f> colour;
+  const bool coloured = scan.colour.cols() > 0;
+  std::vector<char> used(static_cast<std::size_t>(scan.size()), 0);
+  const auto add = [&](const std::array<int, 3>& t, const Vec3& w) {
+    position.push_back(w[0] * scan.position.col(t[0]) + w[1] * scan.position.col(t[1]) +
+                       w[2] * scan.position.col(t[2]));
+    if (!coloured) return;
+    const Eigen::Vector3f f = w.cast<float>();
+    colour.push_back(f[0] * scan.colour.col(t[0]) + f[1] * scan.colour.col(t[1]) +
+                     f[2] * scan.colour.col(t[2]));
+  };
+  for (const auto& t : scan.triangles) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      char& vertex_used = used[static_cast<std::size_t>(t[k])];
+      if (!vertex_used) add(t, Vec3::Unit(static_cast<Eigen::Index>(k)));
+      vertex_used = 1;
+    }
+    const int parts = static_cast<int>(std::ceil(longest_edge(scan, t) / spacing));
+    if (parts < 2) continue;
+    // Centres of the smaller triangles that stand upright: inside, and never twice.
+    for (int i = 0; i < parts; ++i) {
+      for (int j = 0; i + j < parts; ++j) {
+        const double u = (i + 1.0 / 3) / parts, v = (j + 1.0 / 3) / parts;
+        add(t, Vec3(1 - u - v, u, v));
+      }
+    }
+  }
+  sampled.position.resize(3, static_cast<Eigen::Index>(position.size()));
+  for (std::size_t i = 0; i < position.size(); ++i) {
+    sampled.position.col(static_cast<Eigen::Index>(i)) = position[i];
+  }
+  if (coloured) {
+    sampled.colour.resize(3, sampled.position.cols());
+    for (std::size_t i = 0; i < colour.size(); ++i) {
+      sampled.colour.col(static_cast<Eigen::Index>(i)) = colour[i];
+    }
+  }
+  return sampled;
+}
+
+ScanGeometry scan_geometry(const Scan& scan, int neighbours, int threads) {
+  const int n = scan.size();
+  ScanGeometry geometry;
+  geometry.normal.setZero(3, n);
+  geometry.spacing.setZero(n);
+  geometry.on_surface.assign(static_cast<std::size_t>(n), 1);
+  const PointTree tree(scan.position);
+  const auto chunks = static_cast<std::size_t>((n + kChunk - 1) / kChunk);
+  parallel_for(chunks, threads, [&](std::size_t chunk) {
+    std::vector<PointTree::Neighbour> near;
+    const int begin = static_cast<int>(chunk) * kChunk;
+    for (int i = begin; i < std::min(n, begin + kChunk); ++i) {
+      tree.nearest(scan.position.col(i), neighbours + 1, near);
+      Vec3 mean = Vec3::Zero();
+      for (const auto& other : near) mean += scan.position.col(other.index);
+      mean /= static_cast<double>(near.size());
+      Mat3 scatter = Mat3::Zero();
+      for (const auto& other : near) {
+        const Vec3 d = scan.position.col(other.index) - mean;
+        scatter += d * d.transpose();
+      }
+      const Eigen::SelfAdjointEigenSolver<Mat3> solver(scatter);
+      geometry.normal.col(i) = solver.eigenvectors().col(0);
+      geometry.spacing[i] = std::sqrt(near.back().squared /
+                                      static_cast<double>(std::max<std::size_t>(near.size(), 1)));
+      const Vec3 spread = solver.eigenvalues().cwiseMax(0).cwiseSqrt();
+      if (spread[0] > kLargestThickness * spread[1]) {
+        geometry.on_surface[static_cast<std::size_t>(i)] = 0;
+      }
+    }
+  });
+  if (n == 0) return geometry;
+  VecX sorted = geometry.spacing;
+  std::nth_element(sorted.data(), sorted.data() + n / 2, sorted.data() + n);
+  const double limit = kLargestSpacing * sorted[n / 2];
+  for (int i = 0; i < n; ++i) {
+    if (geometry.spacing[i] > limit) geometry.on_surface[static_cast<std::size_t>(i)] = 0;
+  }
+  return geometry;
+}
+
+}  // namespace weft

@@ -1,0 +1,456 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <string_view>
+
+#include "weft/base/error.h"
+#include "weft/mesh/mesh_io.h"
+#include "weft/registration/scan.h"
+
+namespace weft {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string read_all(const fs::path& path) {
+  std::error_code status;
+  if (!fs::exists(path, status)) throw error_at({path, 0, {}}, "no such file");
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream || fs::is_directory(path, status)) throw error_at({path, 0, {}}, "cannot be read");
+  return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+}
+
+std::string ending_of(const fs::path& path) {
+  std::string ending = path.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
+bool is_list(const std::string& ending) {
+  return ending == ".xyz" || ending == ".txt" || ending == ".pts" || ending == ".csv";
+}
+
+std::vector<std::string_view> words_of(std::string_view line) {
+  constexpr std::string_view gaps = " \t\r,;";
+  std::vector<std::string_view> words;
+  while (true) {
+    const std::size_t begin = line.find_first_not_of(gaps);
+    if (begin == std::string_view::npos) return words;
+    line.remove_prefix(begin);
+    const std::size_t end = std::min(line.find_first_of(gaps), line.size());
+    words.push_back(line.substr(0, end));
+    line.remove_prefix(end);
+  }
+}
+
+bool number_of(std::string_view word, double& value) {
+  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+  const auto [end, status] = std::from_chars(word.data(), word.data() + word.size(), value);
+  return status == std::errc() && end == word.data() + word.size();
+}
+
+/// Lines of a text, counted.
+class Lines {
+ public:
+  explicit Lines(std::string_view text) : text_(text) {}
+  bool next(std::string_view& line) {
+    if (text_.empty()) return false;
+    const std::size_t end = std::min(text_.find('\n'), text_.size());
+    line = text_.substr(0, end);
+    text_.remove_prefix(std::min(end + 1, text_.size()));
+    ++number_;
+    return true;
+  }
+  int number() const { return number_; }
+
+ private:
+  std::string_view text_;
+  int number_ = 0;
+};
+
+/// Collects points and brings them into a scan.
+struct PointList {
+  std::vector<Vec3> position;
+  std::vector<Eigen::Vector3f> colour;
+
+  Scan scan() const {
+    Scan scan;
+    scan.position.resize(3, static_cast<Eigen::Index>(position.size()));
+    for (std::size_t i = 0; i < position.size(); ++i) {
+      scan.position.col(static_cast<Eigen::Index>(i)) = position[i];
+    }
+    if (colour.size() != position.size()) return scan;
+    scan.colour.resize(3, scan.position.cols());
+    for (std::size_t i = 0; i < colour.size(); ++i) {
+      scan.colour.col(static_cast<Eigen::Index>(i)) = colour[i];
+    }
+    // Bytes, unless all of them would be fractions.
+    if (scan.colour.cols() > 0 && scan.colour.maxCoeff() > 1) scan.colour /= 255;
+    return scan;
+  }
+};
+
+Vec3 vector_of(const std::vector<double>& numbers, std::size_t first, const fs::path& path,
+               int line) {
+  const Vec3 v(numbers[first], numbers[first + 1], numbers[first + 2]);
+  if (!v.allFinite()) throw error_at({path, line, {}}, "a position that is not finite");
+  return v;
+}
+
+/// The numbers of a line; empty for a blank line, a comment, and the header.
+std::vector<double> numbers_of(std::string_view line, bool header_allowed, const fs::path& path,
+                               int number) {
+  std::vector<double> numbers;
+  for (const std::string_view word : words_of(line)) {
+    if (numbers.empty() && word.front() == '#') return {};
+    double value = 0;
+    if (!number_of(word, value)) {
+      if (header_allowed && numbers.empty()) return {};
+      throw error_at({path, number, {}}, fmt::format("\"{}\" is not a number", word));
+    }
+    numbers.push_back(value);
+  }
+  return numbers;
+}
+
+Scan read_list(const fs::path& path) {
+  const std::string text = read_all(path);
+  PointList list;
+  Lines lines(text);
+  std::string_view line;
+  while (lines.next(line)) {
+    const auto numbers = numbers_of(line, list.position.empty(), path, lines.number());
+    if (numbers.empty()) continue;
+    // A lone number is a count of points, as PTS files begin with.
+    if (numbers.size() == 1 && list.position.empty()) continue;
+    if (numbers.size() < 3) {
+      throw error_at({path, lines.number(), {}},
+                     fmt::format("{} numbers; a point has at least 3", numbers.size()));
+    }
+    list.position.push_back(vector_of(numbers, 0, path, lines.number()));
+    if (numbers.size() >= 6) {
+      // PTS: x y z intensity red green blue.
+      const std::size_t first = numbers.size() == 7 ? 4 : 3;
+      list.colour.push_back(vector_of(numbers, first, path, lines.number()).cast<float>());
+    }
+  }
+  return list.scan();
+}
+
+// --- PLY ---
+
+enum class PlyFormat { ascii, little, big };
+
+struct PlyProperty {
+  std::string name, type, count_type;  ///< count_type: empty unless it is a list
+};
+struct PlyElement {
+  std::string name;
+  std::int64_t count = 0;
+  std::vector<PlyProperty> properties;
+};
+
+class PlyReader {
+ public:
+  explicit PlyReader(const fs::path& path) : path_(path), text_(read_all(path)) {}
+
+  Scan read() {
+    read_header();
+    for (const PlyElement& element : elements_) read_element(element);
+    Scan scan = list_.scan();
+    for (const auto& triangle : triangles_) {
+      for (const int vertex : triangle) {
+        if (vertex < 0 || vertex >= scan.size()) {
+          throw fail(fmt::format("a face names vertex {}; there are {}", vertex, scan.size()));
+        }
+      }
+    }
+    scan.triangles = std::move(triangles_);
+    return scan;
+  }
+
+ private:
+  Error fail(std::string_view reason) const { return error_at({path_, 0, {}}, reason); }
+
+  std::string_view header_line() {
+    const std::size_t end = text_.find('\n', at_);
+    if (end == std::string::npos) throw fail("the header of a PLY file has no end_header");
+    std::string_view line(text_.data() + at_, end - at_);
+    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+    at_ = end + 1;
+    return line;
+  }
+
+  void read_header() {
+    if (text_.find('\n') == std::string::npos || header_line() != "ply") {
+      throw fail("not a PLY file (no \"ply\" in its first line)");
+    }
+    bool known = false;
+    while (true) {
+      const std::string_view line = header_line();
+      const auto words = words_of(line);
+      if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
+      if (words[0] == "end_header") break;
+      if (words[0] == "format" && words.size() >= 2) {
+        known = true;
+        if (words[1] == "ascii")
+          format_ = PlyFormat::ascii;
+        else if (words[1] == "binary_little_endian")
+          format_ = PlyFormat::little;
+        else if (words[1] == "binary_big_endian")
+          format_ = PlyFormat::big;
+        else
+          known = false;
+      } else if (words[0] == "element" && words.size() == 3) {
+        double count = -1;
+        if (!number_of(words[2], count) || !(count >= 0) || count > 2e9) {
+          throw fail(fmt::format("\"{}\": not a count", line));
+        }
+        elements_.push_back({std::string(words[1]), static_cast<std::int64_t>(count), {}});
+      } else if (words[0] == "property" && words.size() >= 3 && !elements_.empty()) {
+        const bool is_list_property = words[1] == "list" && words.size() == 5;
+        elements_.back().properties.push_back(
+            {std::string(words.back()), std::string(words[words.size() - 2]),
+             is_list_property ? std::string(words[2]) : std::string()});
+      } else {
+        throw fail(fmt::format("\"{}\" in the header is not understood", line));
+      }
+    }
+    if (!known) throw fail("the format must be ascii, binary_little_endian or binary_big_endian");
+  }
+
+  template <class Value>
+  double binary() {
+    if (at_ + sizeof(Value) > text_.size()) throw fail("cut short");
+    char bytes[sizeof(Value)];
+    std::memcpy(bytes, text_.data() + at_, sizeof(Value));
+    if (format_ == PlyFormat::big) std::reverse(bytes, bytes + sizeof(Value));
+    at_ += sizeof(Value);
+    Value value;
+    std::memcpy(&value, bytes, sizeof(Value));
+    return static_cast<double>(value);
+  }
+
+  double word() {
+    constexpr std::string_view gaps = " \t\r\n";
+    const std::size_t begin = text_.find_first_not_of(gaps, at_);
+    if (begin == std::string::npos) throw fail("cut short");
+    at_ = std::min(text_.find_first_of(gaps, begin), text_.size());
+    const std::string_view word(text_.data() + begin, at_ - begin);
+    double value = 0;
+    if (!number_of(word, value)) throw fail(fmt::format("\"{}\" is not a number", word));
+    return value;
+  }
+
+  double number(const std::string& type) {
+    if (format_ == PlyFormat::ascii) return word();
+    if (type == "float" || type == "float32") return binary<float>();
+    if (type == "double" || type == "float64") return binary<double>();
+    if (type == "uchar" || type == "uint8") return binary<std::uint8_t>();
+    if (type == "char" || type == "int8") return binary<std::int8_t>();
+    if (type == "ushort" || type == "uint16") return binary<std::uint16_t>();
+    if (type == "short" || type == "int16") return binary<std::int16_t>();
+    if (type == "uint" || type == "uint32") return binary<std::uint32_t>();
+    if (type == "int" || type == "int32") return binary<std::int32_t>();
+    throw fail(fmt::format("type \"{}\" is not understood", type));
+  }
+
+  void read_element(const PlyElement& element) {
+    const bool vertices = element.name == "vertex", faces = element.name == "face";
+    const auto place = [&](std::string_view name) {
+      const auto& all = element.properties;
+      const auto found = std::find_if(all.begin(), all.end(),
+                                      [&](const PlyProperty& p) { return p.name == name; });
+      return found == all.end() ? std::size_t(-1) : static_cast<std::size_t>(found - all.begin());
+    };
+    const std::array<std::size_t, 3> at{place("x"), place("y"), place("z")};
+    const std::array<std::size_t, 3> colour_at{place("red"), place("green"), place("blue")};
+    constexpr auto none = static_cast<std::size_t>(-1);
+    if (vertices && std::count(at.begin(), at.end(), none)) throw fail("vertices need x, y and z");
+    const bool coloured = !std::count(colour_at.begin(), colour_at.end(), none);
+    std::vector<double> values(element.properties.size());
+    for (std::int64_t k = 0; k < element.count; ++k) {
+      for (std::size_t p = 0; p < values.size(); ++p) {
+        const PlyProperty& property = element.properties[p];
+        if (property.count_type.empty()) {
+          values[p] = number(property.type);
+        } else {
+          read_property_list(property, faces && property.name.starts_with("vertex_ind"));
+        }
+      }
+      if (!vertices) continue;
+      const Vec3 position(values[at[0]], values[at[1]], values[at[2]]);
+      if (!position.allFinite()) throw fail(fmt::format("vertex {} is not finite", k));
+      list_.position.push_back(position);
+      if (!coloured) continue;
+      list_.colour.push_back(
+          Vec3(values[colour_at[0]], values[colour_at[1]], values[colour_at[2]]).cast<float>());
+    }
+  }
+
+  void read_property_list(const PlyProperty& property, bool face) {
+    const double count = number(property.count_type);
+    if (!(count >= 0) || count > 1e6) throw fail("a list of impossible length");
+    std::vector<int> corners;
+    for (int i = 0; i < static_cast<int>(count); ++i) {
+      const double value = number(property.type);
+      if (face) corners.push_back(std::abs(value) < 2e9 ? static_cast<int>(value) : -1);
+    }
+    for (std::size_t i = 2; i < corners.size(); ++i) {
+      triangles_.push_back({corners[0], corners[i - 1], corners[i]});
+    }
+  }
+
+  fs::path path_;
+  std::string text_;
+  std::size_t at_ = 0;
+  PlyFormat format_ = PlyFormat::ascii;
+  std::vector<PlyElement> elements_;
+  PointList list_;
+  std::vector<std::array<int, 3>> triangles_;
+};
+
+Scan finish(Scan scan, double unit, const fs::path& path) {
+  if (scan.size() == 0) throw error_at({path, 0, {}}, "no points");
+  scan.position *= unit;
+  return scan;
+}
+
+void check_unit(double unit) {
+  if (!(unit > 0 && unit < 1e6)) throw Error(fmt::format("unit {} m: must be above 0", unit));
+}
+
+std::vector<Scan> read_pcseq(const fs::path& path, double unit) {
+  static_assert(std::endian::native == std::endian::little);
+  const std::string bytes = read_all(path);
+  std::size_t at = 0;
+  const auto next = [&]<class Value>(Value& value) {
+    if (at + sizeof(Value) > bytes.size()) throw error_at({path, 0, {}}, "cut short");
+    std::memcpy(&value, bytes.data() + at, sizeof(Value));
+    at += sizeof(Value);
+  };
+  std::int32_t frames = 0;
+  next(frames);
+  if (frames < 1) throw error_at({path, 0, {}}, fmt::format("{} frames", frames));
+  std::vector<Scan> scans;
+  for (std::int32_t k = 0; k < frames; ++k) {
+    std::int32_t count = 0;
+    next(count);
+    if (count < 0 || static_cast<std::size_t>(count) > (bytes.size() - at) / 6) {
+      throw error_at({path, 0, {}}, fmt::format("frame {} is cut short", k));
+    }
+    Scan scan;
+    scan.position.resize(3, count);
+    for (std::int32_t i = 0; i < count; ++i) {
+      std::array<std::int16_t, 3> xyz{};
+      next(xyz);
+      for (int axis = 0; axis < 3; ++axis) {
+        scan.position(axis, i) = xyz[static_cast<std::size_t>(axis)];
+      }
+    }
+    scans.push_back(finish(std::move(scan), unit, path));
+  }
+  if (at != bytes.size()) throw error_at({path, 0, {}}, "longer than its frames");
+  return scans;
+}
+
+/// A CSV with a column `frame`.
+std::vector<Scan> read_frames_csv(const fs::path& path, const std::string& text, double unit) {
+  std::vector<PointList> frames;
+  Lines lines(text);
+  std::string_view line;
+  std::map<std::string, std::size_t, std::less<>> column;
+  lines.next(line);
+  for (const std::string_view word : words_of(line)) column.emplace(word, column.size());
+  for (const char* name : {"frame", "x", "y", "z"}) {
+    if (!column.contains(name)) {
+      throw error_at({path, 1, name}, "a sequence needs the columns frame, x, y, z");
+    }
+  }
+  while (lines.next(line)) {
+    const auto numbers = numbers_of(line, false, path, lines.number());
+    if (numbers.empty()) continue;
+    if (numbers.size() != column.size()) {
+      throw error_at({path, lines.number(), {}},
+                     fmt::format("{} numbers, {} columns", numbers.size(), column.size()));
+    }
+    const double frame = numbers[column["frame"]];
+    const auto last = static_cast<double>(frames.size()) - 1;
+    if (frame != last && frame != last + 1) {
+      throw error_at({path, lines.number(), "frame"},
+                     fmt::format("{} after {}: frames count 0, 1, 2 ...", frame, last));
+    }
+    if (frame > last) frames.emplace_back();
+    const Vec3 p(numbers[column["x"]], numbers[column["y"]], numbers[column["z"]]);
+    if (!p.allFinite()) throw error_at({path, lines.number(), {}}, "a position that is not finite");
+    frames.back().position.push_back(p);
+  }
+  std::vector<Scan> scans;
+  for (const PointList& frame : frames) scans.push_back(finish(frame.scan(), unit, path));
+  if (scans.empty()) throw error_at({path, 0, {}}, "no points");
+  return scans;
+}
+
+}  // namespace
+
+Scan read_scan(const fs::path& path, double unit) {
+  check_unit(unit);
+  const std::string ending = ending_of(path);
+  if (ending == ".ply") return finish(PlyReader(path).read(), unit, path);
+  if (is_list(ending)) return finish(read_list(path), unit, path);
+  if (ending == ".obj") {
+    ObjMesh mesh = read_obj(path);
+    Scan scan;
+    scan.position = std::move(mesh.positions);
+    scan.triangles = std::move(mesh.triangles);
+    return finish(std::move(scan), unit, path);
+  }
+  throw error_at({path, 0, {}}, "a scan is .ply, .obj, .xyz, .txt, .pts or .csv");
+}
+
+std::vector<Scan> read_scans(const fs::path& path, double unit) {
+  check_unit(unit);
+  std::error_code status;
+  if (fs::is_directory(path, status)) {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(path)) {
+      const std::string ending = ending_of(entry.path());
+      if (ending == ".ply" || ending == ".obj" || is_list(ending)) files.push_back(entry.path());
+    }
+    std::sort(files.begin(), files.end());
+    if (files.empty()) throw error_at({path, 0, {}}, "a folder without scans");
+    std::vector<Scan> scans;
+    for (const fs::path& file : files) {
+      if (ending_of(file) != ending_of(files.front())) {
+        throw error_at({file, 0, {}},
+                       fmt::format("scans of a sequence have one ending; {} is there, too",
+                                   files.front().filename().string()));
+      }
+      scans.push_back(read_scan(file, unit));
+    }
+    return scans;
+  }
+  if (ending_of(path) == ".pcseq") return read_pcseq(path, unit);
+  if (ending_of(path) == ".csv") {
+    const std::string text = read_all(path);
+    const std::string_view first(text.data(), std::min(text.find('\n'), text.size()));
+    const auto words = words_of(first);
+    if (std::find(words.begin(), words.end(), "frame") != words.end()) {
+      return read_frames_csv(path, text, unit);
+    }
+  }
+  std::vector<Scan> scans;
+  scans.push_back(read_scan(path, unit));
+  return scans;
+}
+
+}  // namespace weft

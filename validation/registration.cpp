@@ -1,0 +1,358 @@
+/// Registration against what others measured or simulated.
+///
+///   weft_validate_registration truth OUT CAPTURE...          true surfaces as noisy clouds
+///   weft_validate_registration video OUT CLOUDS UNIT START SIDE PICTURES CAMERA
+///   weft_validate_registration partial OUT CLOUDS UNIT START SIDE
+///
+/// CLOUDS: a sequence of scans, UNIT m per unit; START: OBJ of the first frame with vt in m; SIDE:
+/// m of the square cloth; PICTURES: a pattern of numbered images; CAMERA: "fx,fy,cx,cy" in px, the
+/// clouds' axes x right, y down, z forward.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "weft/base/error.h"
+#include "weft/base/random.h"
+#include "weft/capture/capture.h"
+#include "weft/mesh/mesh_io.h"
+#include "weft/registration/landmarks.h"
+#include "weft/registration/nonrigid_icp.h"
+#include "weft/report/pictures.h"
+#include "weft/report/plot.h"
+#include "weft/vision/video.h"
+
+namespace {
+
+using namespace weft;
+namespace fs = std::filesystem;
+
+double quantile(std::vector<double> values, double share) {
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  std::sort(values.begin(), values.end());
+  return values[std::min(values.size() - 1,
+                         static_cast<std::size_t>(share * static_cast<double>(values.size())))];
+}
+
+Points read_start(const fs::path& path, const GridTemplate& grid) {
+  ObjMesh obj = read_obj(path);
+  if (!obj.texture) throw Error(path.string() + ": no vt");
+  TriangleMesh mesh{std::move(*obj.texture), std::move(obj.triangles)};
+  for (int t = 0; t < mesh.triangle_count(); ++t) {
+    auto& triangle = mesh.triangles[static_cast<std::size_t>(t)];
+    if (material_area(mesh, t) < 0) std::swap(triangle[1], triangle[2]);
+  }
+  return interpolate(mesh, MaterialLocator(mesh), obj.positions, grid.mesh.material);
+}
+
+// --- true surfaces ---
+
+Scan cloud_of(const TriangleMesh& mesh, const MaterialLocator& locator, const Points& x,
+              const GridTemplate& grid, std::uint64_t seed) {
+  constexpr int points = 20000;
+  constexpr double noise = 0.0005, outliers = 0.1;
+  Rng rng(seed);
+  MaterialPoints uv(2, points);
+  for (int k = 0; k < points; ++k) {
+    uv.col(k) = Vec2(rng.uniform(0, grid.width), rng.uniform(0, grid.height));
+  }
+  Scan scan;
+  scan.position = interpolate(mesh, locator, x, uv);
+  const Vec3 lower = scan.position.rowwise().minCoeff().array() - 0.05;
+  const Vec3 upper = scan.position.rowwise().maxCoeff().array() + 0.05;
+  for (int k = 0; k < points; ++k) {
+    const bool stray = rng.uniform() < outliers;
+    for (int axis = 0; axis < 3; ++axis) {
+      double& value = scan.position(axis, k);
+      value = stray ? rng.uniform(lower[axis], upper[axis]) : value + noise * rng.normal();
+    }
+  }
+  return scan;
+}
+
+void validate_truth(const fs::path& out, const std::vector<std::string>& captures) {
+  std::ofstream table(out / "truth.csv");
+  table
+      << "capture,frame,same_point_mean_m,same_point_max_m,off_surface_mean_m,inliers,strain_rms\n";
+  for (const std::string& folder : captures) {
+    const Capture capture = read_capture(folder);
+    const TruthSurface truth = read_truth(capture);
+    const MaterialLocator locator(truth.mesh);
+    const GridTemplate grid = make_grid_template(capture.width, capture.height, 41, 41);
+    Points x;
+    const int frames = std::min<int>(capture.frame_count, 16);
+    std::vector<double> means, offs;
+    double first = 0;
+    for (int frame = 0; frame < frames; ++frame) {
+      const Points& surface = truth.frames[static_cast<std::size_t>(frame)];
+      const Scan scan =
+          cloud_of(truth.mesh, locator, surface, grid, static_cast<std::uint64_t>(frame));
+      const ScanGeometry geometry = scan_geometry(scan);
+      ScanRegistration r;
+      if (frame == 0) {
+        r = register_scan(grid, scan, geometry,
+                          flat_starts(grid, scan, geometry, Vec3::UnitX(), -Vec3::UnitZ()));
+      } else {
+        r = register_scan(grid, scan, geometry, RegistrationStart{x, {}}, {},
+                          {.start_error = 0.03});
+      }
+      x = r.x;
+      const Points expected = interpolate(truth.mesh, locator, surface, grid.mesh.material);
+      const Points normals = vertex_normals(grid.mesh, expected);
+      const Points d = x - expected;
+      const double mean = d.colwise().norm().mean();
+      const double off = d.cwiseProduct(normals).colwise().sum().cwiseAbs().mean();
+      means.push_back(mean);
+      offs.push_back(off);
+      if (frame == 0) first = mean;
+      table << fmt::format("{},{},{:.6g},{:.6g},{:.6g},{},{:.4g}\n", capture.name, frame, mean,
+                           d.colwise().norm().maxCoeff(), off, r.inliers, r.strain_rms);
+    }
+    fmt::print(
+        "{}: {} frames, same (u, v): first {:.2f}, median {:.2f}, last {:.2f} mm; off the surface: "
+        "median {:.2f} mm\n",
+        capture.name, frames, 1e3 * first, 1e3 * quantile(means, 0.5), 1e3 * means.back(),
+        1e3 * quantile(offs, 0.5));
+  }
+}
+
+// --- clouds of a camera ---
+
+struct Split {
+  Scan used;
+  Points held;
+};
+/// Every fifth point is kept from the registration.
+Split split(const Scan& scan) {
+  std::vector<int> used, held;
+  for (int k = 0; k < scan.size(); ++k) (k % 5 == 4 ? held : used).push_back(k);
+  Split parts;
+  parts.used.position = scan.position(Eigen::all, used);
+  parts.held = scan.position(Eigen::all, held);
+  return parts;
+}
+
+struct Held {
+  double median = 0, p90 = 0, p95 = 0;  ///< m, of the distance to the surface
+  double within = 0;  ///< share of all held-back points over the surface and nearer than 5 mm
+};
+Held held_distance(const GridTemplate& grid, const Points& x, const Points& points) {
+  std::vector<double> over;
+  int near = 0;
+  for (const double d : distances_to_surface(grid, x, points)) {
+    if (std::isnan(d)) continue;
+    over.push_back(std::abs(d));
+    near += std::abs(d) < 0.005;
+  }
+  return {quantile(over, 0.5), quantile(over, 0.9), quantile(over, 0.95),
+          near / static_cast<double>(points.cols())};
+}
+
+struct Drift {
+  double median = 0, p90 = 0;  ///< m, length of the shift
+  std::size_t points = 0;
+};
+Drift drift_of(const std::vector<TextureShift>& shifts) {
+  std::vector<double> lengths;
+  for (const TextureShift& shift : shifts) lengths.push_back(shift.shift.norm());
+  return {quantile(lengths, 0.5), quantile(lengths, 0.9), lengths.size()};
+}
+
+constexpr double kTexel = 0.0015;
+
+/// The registrations of a sequence, by the clouds alone or with the print, too.
+class VideoStudy {
+ public:
+  VideoStudy(const GridTemplate& grid, std::vector<Image> pictures, Pinhole camera)
+      : grid_(grid), pictures_(std::move(pictures)), camera_(std::move(camera)) {
+    // What is compared lies between what the landmarks came from.
+    judge_.offset = Vec2(judge_.spacing / 2, judge_.spacing / 2);
+  }
+
+  struct Frame {
+    Held held;
+    Drift drift;
+    ScanRegistration registration;
+  };
+  std::vector<Frame> run(const std::vector<Scan>& scans, const Points& start, bool with_print) {
+    std::vector<Frame> frames;
+    Points x = start;
+    for (std::size_t k = 0; k < scans.size(); ++k) {
+      const Split parts = split(scans[k]);
+      const ScanGeometry geometry = scan_geometry(parts.used);
+      RegistrationOptions options;
+      options.start_error = 0.03;
+      Frame frame;
+      frame.registration =
+          register_scan(grid_, parts.used, geometry, RegistrationStart{x, {}}, {}, options);
+      if (k == 0) reference_ = unwrap(frame.registration.x, 0);
+      if (with_print && k > 0) {
+        // Softer along itself: the print says where it is.
+        options.isometry = 0.1 * grid_.width;
+        for (int round = 0; round < 2; ++round) {
+          const Points& last = frame.registration.x;
+          const auto landmarks =
+              landmarks_of(grid_, last, track_texture(reference_, unwrap(last, k), track_));
+          frame.registration = register_scan(grid_, parts.used, geometry,
+                                             RegistrationStart{last, {}}, landmarks, options);
+        }
+      }
+      x = frame.registration.x;
+      frame.held = held_distance(grid_, x, parts.held);
+      frame.drift = drift_of(track_texture(reference_, unwrap(x, k), judge_));
+      frames.push_back(std::move(frame));
+    }
+    return frames;
+  }
+  FabricImage unwrap(const Points& x, std::size_t k) const {
+    return unwrap_picture(grid_, x, pictures_[k], camera_, kTexel);
+  }
+
+ private:
+  const GridTemplate& grid_;
+  std::vector<Image> pictures_;
+  Pinhole camera_;
+  TextureTracking track_, judge_;
+  FabricImage reference_;
+};
+
+PlotSeries series(const std::string& name, const std::vector<VideoStudy::Frame>& frames,
+                  double (*value)(const VideoStudy::Frame&)) {
+  PlotSeries s;
+  s.name = name;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    s.x.push_back(static_cast<double>(k));
+    s.y.push_back(1e3 * value(frames[k]));
+  }
+  return s;
+}
+
+void write_frames(const fs::path& path, const std::string& title, std::vector<PlotSeries> all) {
+  LinePlot plot;
+  plot.title = title;
+  plot.x.label = "frame";
+  plot.x.integers = true;
+  plot.y.label = "distance";
+  plot.y.unit = "mm";
+  plot.y.from_zero = true;
+  plot.series = std::move(all);
+  write_plot(path, plot);
+}
+
+void print_frames(const std::string& name, const std::vector<VideoStudy::Frame>& frames) {
+  std::vector<double> median, p95, within, drift, drift90, strain;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    median.push_back(1e3 * frames[k].held.median);
+    p95.push_back(1e3 * frames[k].held.p95);
+    within.push_back(frames[k].held.within);
+    strain.push_back(100 * frames[k].registration.strain_rms);
+    if (k == 0) continue;
+    drift.push_back(1e3 * frames[k].drift.median);
+    drift90.push_back(1e3 * frames[k].drift.p90);
+  }
+  const Drift last = frames.back().drift;
+  fmt::print(
+      "{}: held-back points, over frames: median {:.2f} mm, 95 % {:.2f} mm, within 5 mm {:.1f} %\n"
+      "  drift of the print against frame 0: median {:.2f} mm (largest frame {:.2f}), 90 % of "
+      "points "
+      "{:.2f} mm; last frame {:.2f} mm at {} points\n  strain rms {:.2f} %\n",
+      name, quantile(median, 0.5), quantile(p95, 0.5), 100 * quantile(within, 0.5),
+      quantile(drift, 0.5), *std::max_element(drift.begin(), drift.end()), quantile(drift90, 0.5),
+      1e3 * last.median, last.points, quantile(strain, 0.5));
+}
+
+void validate_video(const fs::path& out, const std::vector<std::string>& words) {
+  const std::vector<Scan> scans = read_scans(words.at(0), std::stod(words.at(1)));
+  const double side = std::stod(words.at(3));
+  const GridTemplate grid = make_grid_template(side, side, 32, 32);
+  const Points start = read_start(words.at(2), grid);
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+  char comma = 0;
+  std::istringstream(words.at(5)) >> fx >> comma >> fy >> comma >> cx >> comma >> cy;
+  Projection projection;
+  projection << fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0;
+  VideoStudy study(grid, read_frames(words.at(4), static_cast<int>(scans.size())),
+                   Pinhole(projection, Vec3::UnitZ(), "camera"));
+  const auto clouds = study.run(scans, start, false);
+  print_frames("clouds alone", clouds);
+  const auto both = study.run(scans, start, true);
+  print_frames("clouds and print", both);
+
+  write_frames(out / "held_back.svg", "held-back points to the surface, median and 95 %",
+               {series("clouds alone", clouds, [](const auto& f) { return f.held.median; }),
+                series("clouds alone, 95 %", clouds, [](const auto& f) { return f.held.p95; }),
+                series("with the print", both, [](const auto& f) { return f.held.median; }),
+                series("with the print, 95 %", both, [](const auto& f) { return f.held.p95; })});
+  write_frames(out / "drift.svg", "how far the print moved over the grid since frame 0",
+               {series("clouds alone", clouds, [](const auto& f) { return f.drift.median; }),
+                series("with the print", both, [](const auto& f) { return f.drift.median; })});
+  std::vector<Picture> tiles;
+  for (const std::size_t k : {std::size_t{0}, scans.size() / 2, scans.size() - 1}) {
+    tiles.push_back(intensity_picture(study.unwrap(clouds[k].registration.x, k).grey));
+    tiles.push_back(intensity_picture(study.unwrap(both[k].registration.x, k).grey));
+  }
+  write_picture(out / "print_over_uv.png", montage(tiles, 2));
+  PointCache cache;
+  for (const auto& frame : both) cache.frames.push_back(frame.registration.x);
+  write_pc2(out / "registered.pc2", cache);
+  write_obj(out / "registered.obj", grid.mesh, cache.frames.front());
+}
+
+void validate_partial(const fs::path& out, const std::vector<std::string>& words) {
+  const std::vector<Scan> scans = read_scans(words.at(0), std::stod(words.at(1)));
+  const double side = std::stod(words.at(3));
+  const GridTemplate grid = make_grid_template(side, side, 21, 21);
+  // The last frame of each trial, where the cloth hangs from the gripper by a corner.
+  const Vec3 u = Vec3(1, 0, -1).normalized(), v = Vec3(-1, 0, -1).normalized();
+  constexpr std::size_t trial = 25;
+  for (std::size_t k = trial - 1; k < scans.size(); k += trial) {
+    const Split parts = split(scans[k]);
+    const ScanGeometry geometry = scan_geometry(parts.used);
+    const ScanRegistration r =
+        register_scan(grid, parts.used, geometry, flat_starts(grid, parts.used, geometry, u, v));
+    const Held held = held_distance(grid, r.x, parts.held);
+    int unsupported = 0;
+    for (int i = 0; i < grid.mesh.vertex_count(); ++i) unsupported += !r.supported(i);
+    fmt::print(
+        "frame {}: {} of {} points taken for cloth, held-back points over the surface: median "
+        "{:.2f}, 90 % {:.2f} mm, {:.0f} % of all within 5 mm; {} of {} vertices unsupported; "
+        "strain "
+        "rms {:.1f} %\n",
+        k, r.inliers, r.points, 1e3 * held.median, 1e3 * held.p90, 100 * held.within, unsupported,
+        grid.mesh.vertex_count(), 100 * r.strain_rms);
+    write_obj(out / fmt::format("partial_{}.obj", k), grid.mesh, r.x);
+  }
+}
+
+int run(int argc, char** argv) {
+  if (argc < 4) {
+    fmt::print(stderr, "usage: weft_validate_registration truth|video|partial OUT ...\n");
+    return 2;
+  }
+  const std::string kind = argv[1];
+  const fs::path out = argv[2];
+  fs::create_directories(out);
+  const std::vector<std::string> words(argv + 3, argv + argc);
+  if (kind == "truth") validate_truth(out, words);
+  if (kind == "video") validate_video(out, words);
+  if (kind == "partial") validate_partial(out, words);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "{}\n", error.what());
+    return 1;
+  }
+}
