@@ -27,13 +27,13 @@ struct Case<GreenTriangle> {
 };
 template <>
 struct Case<DihedralHinge> {
-  static DihedralHinge::Rest<double> rest() { return {1.7, 0.3}; }
+  static DihedralHinge::Rest<double> rest() { return {1.7, 0.3, 0}; }
   static ScalarLaw law(const OrthotropicSheet& sheet) { return {sheet.bend, 4, kTime}; }
 };
 template <>
 struct Case<TriangleBend> {
   static TriangleBend::Rest<double> rest() {
-    return {{{{{0.5, 0.7, 0.1}, {0.2, -0.4, 0.9}, {-0.3, 0.8, 0.6}}}}, 0.6};
+    return {{{{{0.5, 0.7, 0.1}, {0.2, -0.4, 0.9}, {-0.3, 0.8, 0.6}}}}, 0.6, {}};
   }
   static ScalarLaw law(const OrthotropicSheet& sheet) { return {sheet.bend, 4, kTime}; }
 };

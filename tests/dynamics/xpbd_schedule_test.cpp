@@ -95,7 +95,7 @@ TEST(XpbdSystem, SweepsDoNotDependOnTheNumberOfThreads) {
       }
       for (const Hinge& h : hinges(mesh)) {
         edges.insert(edges.end(), h.vertices.begin(), h.vertices.end());
-        flat_hinges.push_back({1, 0});
+        flat_hinges.push_back({1, 0, 0});
       }
       system.add<GreenTriangle>(triangles, shapes, BlockLaw(sheet, 0.01));
       system.add<DihedralHinge>(edges, flat_hinges, ScalarLaw(sheet.bend, 4, 0.01));

@@ -196,23 +196,23 @@ TEST(XpbdDerivatives, AtRestAreThoseOfTheEquilibrium) {
 
   XpbdOptions options = curvature_options();
   options.force_tolerance = 1e-7;
-  options.derivative_tolerance = 1e-7;
+  options.derivative_tolerance = 1e-6;
   for (const XpbdDerivatives kind : {XpbdDerivatives::at_rest, XpbdDerivatives::along_iterates}) {
     options.derivatives = kind;
     const auto result = xpbd_equilibrium(hanging.mesh, hanging.sheet, hanging.pinned,
                                          disturbed(hanging, truth, 1e-4), options);
     ASSERT_TRUE(result.converged) << result.derivative_residual;
-    EXPECT_LE(result.derivative_residual, 1e-7);
+    EXPECT_LE(result.derivative_residual, 1e-6);
     for (int p = 0; p < kSheetParameters; ++p) {
       Points column = Eigen::Map<const Points>(by_sheet.col(p).data(), 3, truth.cols());
       column = -column;
       cholesky.solve(column);
       const VecX expected = flat(column);
-      EXPECT_TRUE(testing::near(result.position_derivative.col(p), expected, 1e-4)) << p;
+      EXPECT_TRUE(testing::near(result.position_derivative.col(p), expected, 1e-3)) << p;
       const VecX force = by_sheet.col(p) + hessian.selfadjointView<Eigen::Lower>() * expected;
       VecX reactions(6);
       reactions << force.segment<3>(3 * hanging.pinned[0]), force.segment<3>(3 * hanging.pinned[1]);
-      EXPECT_TRUE(testing::near(result.reaction_derivative.col(p), reactions, 1e-4)) << p;
+      EXPECT_TRUE(testing::near(result.reaction_derivative.col(p), reactions, 1e-3)) << p;
     }
   }
 }

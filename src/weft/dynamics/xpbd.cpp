@@ -158,7 +158,8 @@ Relaxation::Relaxation(const TriangleMesh& mesh, const OrthotropicSheet& sheet,
 
 void Relaxation::begin() {
   system_.set_positions(start_);
-  system_.scale_multipliers(0);
+  system_.forget_multipliers();
+  system_.forget_strains();
   v_.assign(force_.size(), Record{});
   if (options_.derivatives == XpbdDerivatives::along_iterates) start_derivatives();
 }
@@ -249,7 +250,7 @@ void Relaxation::update_velocity(std::size_t i) {
 }
 
 void Relaxation::step() {
-  if (options_.multipliers == XpbdMultipliers::from_zero) system_.scale_multipliers(0);
+  if (options_.multipliers == XpbdMultipliers::from_zero) system_.forget_multipliers();
   system_.gather(xpbd::Pass::warm, derivatives_);
   stop_what_turned();
   adapt_masses();

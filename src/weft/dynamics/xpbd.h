@@ -103,7 +103,7 @@ struct XpbdOptions {
   double time_step = 0;
   int sweeps_per_step = 1;  ///< >= 1; one is fastest with the automatic step
   XpbdMultipliers multipliers = XpbdMultipliers::kept;
-  double force_tolerance = 1e-6;  ///< N, largest net force on a free vertex; > 0
+  double force_tolerance = 1e-7;  ///< N, largest net force on a free vertex; > 0
   int max_iterations = 200000;    ///< sweeps; >= 1
   XpbdDerivatives derivatives = XpbdDerivatives::none;
   /// Largest entry of a derivative of the net force on free vertices, over the largest entry of the

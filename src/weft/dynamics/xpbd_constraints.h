@@ -350,7 +350,22 @@ struct GreenTriangle {
   }
 };
 
-/// The angle of a hinge less a rest angle.
+/// `angle` in (-pi, pi] plus the multiple of 2 pi that brings it within pi of `last`.
+template <class T>
+inline T unwrapped(const T& angle, const T& last) {
+  const T pi = broadcast<T>(M_PI), turn = broadcast<T>(2 * M_PI);
+  T out = angle;
+  // Twice: a hinge may have gone around once more.
+  for (int k = 0; k < 2; ++k) {
+    out = select(last - out > pi, out + turn, out);
+    out = select(out - last > pi, out - turn, out);
+  }
+  return out;
+}
+
+/// The angle of a hinge less a rest angle. The angle knows its past: where one side passes through
+/// the other, at 180 degrees, it goes on growing, and so does the moment that opens the hinge (the
+/// angle of the shape alone would change its sign there, and the fold stay closed).
 ///
 /// Derivative of its gradient along dx (names as in strain/dihedral_angle.h): a triangle's share in
 /// the gradient of vertex i is L_i p. With D = sum_i L_i dx_i and E = dx_1 - dx_0,
@@ -398,14 +413,15 @@ struct DihedralHinge {
   struct Rest {
     T factor;  ///< of the stiffness
     T angle;   ///< rad
+    T last;    ///< the angle at the last evaluation, 0 at first, rad
     const T& weight() const { return factor; }
   };
   template <class T>
   struct Strain {
     DihedralAngle<T> angle;
     std::array<Vector3<T>, 4> gradient;
-    T rest;
-    Rows<T, 1> value() const { return {angle.value - rest}; }
+    T unwrapped, rest;
+    Rows<T, 1> value() const { return {unwrapped - rest}; }
     Symmetric<T, 1> mobility(const std::array<T, 4>& w) const {
       T sum = w[0] * dot(gradient[0], gradient[0]);
       for (std::size_t i = 1; i < 4; ++i) sum = sum + w[i] * dot(gradient[i], gradient[i]);
@@ -437,7 +453,15 @@ struct DihedralHinge {
   template <class T>
   static Strain<T> strain(const Rest<T>& rest, const std::array<Vector3<T>, 4>& x) {
     const auto angle = dihedral_angle(x[0], x[1], x[2], x[3]);
-    return {angle, angle.gradient(), rest.angle};
+    return {angle, angle.gradient(), unwrapped(angle.value, rest.last), rest.angle};
+  }
+  template <class T>
+  static void remember(const Strain<T>& strain, Rest<T>& rest) {
+    rest.last = strain.unwrapped;
+  }
+  template <class T>
+  static void forget(Rest<T>& rest) {
+    rest.last = broadcast<T>(0);
   }
   template <class T>
   static Change<T> change(const Rest<T>&, const Strain<T>& s, const std::array<Vector3<T>, 4>& dx) {
@@ -456,6 +480,7 @@ struct TriangleBend {
   struct Rest {
     CurvatureMap<T> map;
     T area;
+    std::array<T, 3> last;  ///< the angles at the last evaluation, 0 at first, rad
     const T& weight() const { return area; }
   };
 
@@ -506,9 +531,10 @@ struct TriangleBend {
   template <class T>
   struct Strain {
     const CurvatureMap<T>& map;
-    TriangleCurvature<T> curvature;
+    std::array<DihedralAngle<T>, 3> hinges;
     Gradients<T> g;
-    Rows<T, 3> value() const { return curvature.value; }
+    Rows<T, 3> angles;
+    Rows<T, 3> value() const { return mapped(map, angles); }
     Symmetric<T, 3> mobility(const std::array<T, 6>& w) const {
       return congruent(map,
                        {product(g, 0, g, 0, w), product(g, 1, g, 0, w), product(g, 1, g, 1, w),
@@ -544,9 +570,22 @@ struct TriangleBend {
 
   template <class T>
   static Strain<T> strain(const Rest<T>& rest, const std::array<Vector3<T>, 6>& x) {
-    Strain<T> out{rest.map, triangle_curvature(rest.map, x), {}};
-    for (std::size_t j = 0; j < 3; ++j) out.g[j] = out.curvature.angles[j].gradient();
+    Strain<T> out{rest.map, {}, {}, {}};
+    for (std::size_t j = 0; j < 3; ++j) {
+      const auto v = weft::detail::hinge_vertices(j);
+      out.hinges[j] = dihedral_angle(x[v[0]], x[v[1]], x[v[2]], x[v[3]]);
+      out.g[j] = out.hinges[j].gradient();
+      out.angles[j] = unwrapped(out.hinges[j].value, rest.last[j]);
+    }
     return out;
+  }
+  template <class T>
+  static void remember(const Strain<T>& strain, Rest<T>& rest) {
+    rest.last = strain.angles;
+  }
+  template <class T>
+  static void forget(Rest<T>& rest) {
+    rest.last.fill(broadcast<T>(0));
   }
   template <class T>
   static Change<T> change(const Rest<T>& rest, const Strain<T>& s,
@@ -556,7 +595,7 @@ struct TriangleBend {
     for (std::size_t j = 0; j < 3; ++j) {
       const auto v = weft::detail::hinge_vertices(j);
       const std::array<Vector3<T>, 4> d{dx[v[0]], dx[v[1]], dx[v[2]], dx[v[3]]};
-      dg[j] = dihedral_gradient_change(s.curvature.angles[j], d);
+      dg[j] = dihedral_gradient_change(s.hinges[j], d);
       angles[j] =
           dot(s.g[j][0], d[0]) + dot(s.g[j][1], d[1]) + dot(s.g[j][2], d[2]) + dot(s.g[j][3], d[3]);
     }

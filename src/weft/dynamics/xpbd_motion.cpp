@@ -19,7 +19,7 @@ void Motion::advance(double step, int substeps, int sweeps) {
   };
   Records& x = system_.vertices().x;
   for (int k = 0; k < substeps; ++k) {
-    system_.scale_multipliers(0);
+    system_.forget_multipliers();
     for_free([&](std::size_t i) {
       before_[i] = x[i];
       v_[i] = {v_[i].x + step * acceleration_.x(), v_[i].y + step * acceleration_.y(),

@@ -40,9 +40,10 @@ class ConstraintSet {
   virtual ~ConstraintSet() = default;
   virtual void run(Pass pass, std::size_t phase, std::size_t task, bool derivatives,
                    Vertices& vertices) = 0;
-  /// Multipliers, and their derivatives, are multiplied by a factor; 0 forgets them.
-  virtual void scale_multipliers(double factor) = 0;
-  virtual void forget_derivatives() = 0;
+  /// Multipliers, and their derivatives, are zero again.
+  virtual void forget_multipliers() = 0;
+  /// So is what strains remember.
+  virtual void forget_strains() = 0;
   virtual void follow_derivatives() = 0;
   virtual std::size_t size() const = 0;
   virtual int colours() const = 0;
@@ -153,6 +154,12 @@ concept HasDerivatives = requires {
   &K::template change<Lanes>;
 };
 
+/// Does the strain depend on the one before?
+template <class K>
+concept HasMemory = requires {
+  &K::template remember<Lanes>;
+};
+
 template <class K>
 class PackedConstraints final : public ConstraintSet {
  public:
@@ -193,14 +200,14 @@ class PackedConstraints final : public ConstraintSet {
     run_pass<false>(pass, begin, end, vertices);
   }
 
-  void scale_multipliers(double factor) override {
-    for (Pack& pack : packs_)
-      for (Lanes& l : pack.l) l = factor * l;
-    for (DerivativePack& pack : derivatives_)
-      for (auto& rows : pack.l)
-        for (Lanes& l : rows) l = factor * l;
+  void forget_multipliers() override {
+    for (Pack& pack : packs_) pack.l.fill(Lanes{});
+    for (DerivativePack& pack : derivatives_) pack = {};
   }
-  void forget_derivatives() override { derivatives_.clear(); }
+  void forget_strains() override {
+    if constexpr (HasMemory<K>)
+      for (Pack& pack : packs_) K::forget(pack.rest);
+  }
   void follow_derivatives() override { derivatives_.assign(packs_.size(), DerivativePack{}); }
   std::size_t size() const override { return size_; }
   int colours() const override { return colours_; }
@@ -273,6 +280,7 @@ class PackedConstraints final : public ConstraintSet {
       w[v] = r.w;
     }
     const auto strain = K::strain(pack.rest, x);
+    if constexpr (HasMemory<K>) K::remember(strain, pack.rest);
     if constexpr (kPass == Pass::warm || kPass == Pass::elastic) {
       const auto c = strain.value();
       const Rows<Lanes, kRows> l =

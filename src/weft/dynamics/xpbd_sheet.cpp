@@ -84,7 +84,7 @@ SheetSystem::SheetSystem(const TriangleMesh& mesh, const OrthotropicSheet& sheet
     std::vector<TriangleBend::Rest<double>> plates;
     for (const BendingElement& element : bending_elements(mesh)) {
       stencils.insert(stencils.end(), element.vertices.begin(), element.vertices.end());
-      plates.push_back({element.map, element.area});
+      plates.push_back({element.map, element.area, {}});
     }
     curvatures_ = &system_.add<TriangleBend>(stencils, plates, law);
   } else {
@@ -92,7 +92,7 @@ SheetSystem::SheetSystem(const TriangleMesh& mesh, const OrthotropicSheet& sheet
     for (const Hinge& hinge : hinges(mesh)) {
       stencils.insert(stencils.end(), hinge.vertices.begin(), hinge.vertices.end());
       const bool weighted = options.bending == XpbdBending::weighted_dihedral;
-      rest.push_back({weighted ? hinge_weight(mesh, hinge) : 1.0, 0.0});
+      rest.push_back({weighted ? hinge_weight(mesh, hinge) : 1.0, 0.0, 0.0});
     }
     hinges_ = &system_.add<DihedralHinge>(stencils, rest, law);
   }

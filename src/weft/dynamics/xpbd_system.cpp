@@ -89,8 +89,12 @@ void System::sweep(bool derivatives) {
   });
 }
 
-void System::scale_multipliers(double factor) {
-  for (const auto& set : sets_) set->scale_multipliers(factor);
+void System::forget_multipliers() {
+  for (const auto& set : sets_) set->forget_multipliers();
+}
+
+void System::forget_strains() {
+  for (const auto& set : sets_) set->forget_strains();
 }
 
 void System::start_derivatives() {

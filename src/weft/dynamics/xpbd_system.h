@@ -37,7 +37,9 @@ class System {
   void sweep(bool derivatives);
   /// `pull` and, with derivatives, `dpull` become the sums of a pass that changes nothing else.
   void gather(Pass pass, bool derivatives);
-  void scale_multipliers(double factor);
+  void forget_multipliers();
+  /// Strains depend on the shape alone from here on, until it moves.
+  void forget_strains();
   /// Derivatives of everything are zero from here on.
   void start_derivatives();
 
