@@ -109,7 +109,7 @@ void add_cusick(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   DrapeOptions& options = arguments->options;
   command->add_option("fabric", arguments->fabric,
-                      "file or preset, of an elastic model (not springs, baraff-witkin)");
+                      "file or preset, of any model but springs");
   command
       ->add_option("--areal-density", arguments->areal_density,
                    "kg/m^2; default: that of the fabric")

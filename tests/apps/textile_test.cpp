@@ -101,7 +101,9 @@ TEST_F(Textile, RefusesWhatDoesNotGoTogether) {
                        path("x.toml")}),
               HasSubstr("--fabric"));
   EXPECT_THAT(refusal({"cusick"}), HasSubstr("--shadow"));
-  EXPECT_THAT(refusal({"cusick", "satin", "--areal-density", "0.1"}), HasSubstr("baraff-witkin"));
+  write_fabric(folder_ / "springs.toml", Fabric::with_defaults("springs", "springs"));
+  EXPECT_THAT(refusal({"cusick", path("springs.toml"), "--areal-density", "0.1"}),
+              HasSubstr("springs"));
   EXPECT_THAT(refusal({"cusick", "--shadow", path("none.png"), "--pixel", "0.001"}),
               HasSubstr("none.png"));
 }
