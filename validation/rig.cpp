@@ -5,7 +5,7 @@
 ///
 ///     weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME]
 ///                       [--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N]
-///                       [--uniform] [--no-noise]
+///                       [--alternating] [--no-noise]
 ///
 /// Captures are made in OUT where they are not there yet, of the fabrics validation/fabrics/rig_*.
 #include <fmt/format.h>
@@ -176,7 +176,14 @@ CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const
   const double before = cpu_seconds();
   CurveFitOptions chosen = options;
   chosen.threads = arguments.threads;
-  CurveFitResult found = fit_curves(trials, start, kRows, chosen);
+  std::string last;
+  CurveFitResult found = fit_curves(
+      trials, start, kRows, chosen, [&](const std::string& stage, const MechanicalFitStep& step) {
+        if (stage != last)
+          std::fprintf(stderr, "%s: %s, %.3g\n", title.c_str(), stage.c_str(), step.cost);
+        last = stage;
+        return true;
+      });
   fmt::print("\n{}: error {:.5g} (start {:.4g}), {} evaluations, {:.0f} s, {:.0f} s of CPU\n",
              title, found.fit.cost, found.fit.cost_start, found.fit.evaluations, found.fit.wall_s,
              cpu_seconds() - before);
@@ -245,8 +252,8 @@ Arguments parse(int argc, char** argv) {
       arguments.models = {argv[++i]};
     else if (word == "--no-noise")
       arguments.rig.noise = {0, 0, 0, 0};
-    else if (word == "--uniform")
-      arguments.options.pattern = GridPattern::uniform;
+    else if (word == "--alternating")
+      arguments.options.pattern = GridPattern::alternating;
     else if (arguments.out.empty())
       arguments.out = word;
     else
@@ -255,7 +262,7 @@ Arguments parse(int argc, char** argv) {
   if (arguments.out.empty())
     throw Error(
         "usage: weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME] "
-        "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
+        "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--alternating] "
         "[--no-noise]");
   if (arguments.parts.empty()) arguments.parts = {"recovery", "orders", "table"};
   return arguments;

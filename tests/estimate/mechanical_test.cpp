@@ -126,7 +126,7 @@ TEST(CompareMechanical, TrueParametersReproduceAnotherProgram) {
   EXPECT_LT(forces.distance.max, 1e-4);
 
   const auto bend =
-      prepare_mechanical(read_mechanical_capture(kData / "knit_bend_u"), with_cells(10));
+      prepare_mechanical(read_mechanical_capture(kData / "knit_bend_u"), with_cells(12));
   const auto bent = simulate_mechanical({bend}, true_fabric("knit_bend_u"));
   const MechanicalEvaluation shapes = compare_mechanical(*bend, bent[0]);
   EXPECT_EQ(shapes.not_converged, 0);

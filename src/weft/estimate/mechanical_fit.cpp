@@ -129,21 +129,27 @@ Fabric MechanicalProblem::fabric(const VecX& scaled) const {
 }
 
 bool MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivatives derivatives,
-                                 std::vector<std::vector<MechanicalFrame>>& frames,
-                                 std::string* reason) const {
-  std::string found;
-  try {
-    frames = simulate_mechanical(trials_, fabric(scaled), derivatives, threads_);
-  } catch (const Error& error) {
-    found = error.what();  // of values that the model refuses
+                                 MechanicalFrames& frames, std::string* reason) const {
+  const MechanicalFrames near = std::move(frames);
+  for (const bool from_measured : {near.empty(), true}) {
+    std::string found;
+    try {
+      frames = simulate_mechanical(trials_, fabric(scaled), derivatives, threads_,
+                                   from_measured ? nullptr : &near);
+    } catch (const Error& error) {
+      found = error.what();  // of values that the model refuses
+    }
+    for (std::size_t t = 0; found.empty() && t < frames.size(); ++t)
+      for (const MechanicalFrame& frame : frames[t])
+        if (!(frame.residual <= options_.largest_residual) && found.empty())
+          found = fmt::format("{}: no equilibrium at frame {}: a net force of {:.2g} N is left",
+                              trials_[t]->capture.name, frame.frame, frame.residual);
+    if (reason) *reason = found;
+    if (found.empty()) return true;
+    frames.clear();
+    if (from_measured) break;
   }
-  for (std::size_t t = 0; found.empty() && t < frames.size(); ++t)
-    for (const MechanicalFrame& frame : frames[t])
-      if (!(frame.residual <= options_.largest_residual) && found.empty())
-        found = fmt::format("{}: no equilibrium at frame {}: a net force of {:.2g} N is left",
-                            trials_[t]->capture.name, frame.frame, frame.residual);
-  if (reason) *reason = found;
-  return found.empty();
+  return false;
 }
 
 void MechanicalProblem::add_force_residuals(const MechanicalTrial& trial,
@@ -197,8 +203,10 @@ void MechanicalProblem::residuals(const MechanicalTrial& trial, const Mechanical
   if (jacobian) jacobian->conservativeResize(count, parameters);
 }
 
-double MechanicalProblem::cost(const VecX& scaled, std::string* reason) const {
-  std::vector<std::vector<MechanicalFrame>> frames;
+double MechanicalProblem::cost(const VecX& scaled, std::string* reason,
+                               MechanicalFrames* near) const {
+  MechanicalFrames own;
+  MechanicalFrames& frames = near ? *near : own;
   if (!simulate(scaled, MechanicalDerivatives::none, frames, reason)) return kInfinity;
   double sum = 0;
   VecX r;
@@ -210,11 +218,13 @@ double MechanicalProblem::cost(const VecX& scaled, std::string* reason) const {
   return sum / static_cast<double>(residual_count_);
 }
 
-MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled) const {
+MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled,
+                                                              MechanicalFrames* near) const {
   Linearization result;
   result.model.gradient = VecX::Zero(dimension());
   result.model.hessian = MatX::Zero(dimension(), dimension());
-  std::vector<std::vector<MechanicalFrame>> frames;
+  MechanicalFrames own;
+  MechanicalFrames& frames = near ? *near : own;
   if (!simulate(scaled, MechanicalDerivatives::all, frames, nullptr)) {
     result.model.cost = kInfinity;
     return result;
@@ -329,17 +339,23 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
     result.history.push_back(step);
     if (observer && !observer(step)) stopped = true;
   };
+  MechanicalFrames shapes, tried;  // equilibria of the last linearization, and of the last cost
+  VecX tried_at;
   const LinearizeFunction linearize = [&](const VecX& x) {
-    QuadraticModel model = problem.linearize(x).model;
+    if (tried_at.size() > 0 && tried_at == x) shapes = std::move(tried);
+    QuadraticModel model = problem.linearize(x, &shapes).model;
+    tried_at.resize(0);
     count(model.cost);
     return model;
   };
   const CostFunction cost = [&](const VecX& x) {
-    const double value = problem.cost(x);
+    tried = shapes;
+    tried_at = x;
+    const double value = problem.cost(x, nullptr, &tried);
     count(value);
     return value;
   };
-  result.cost_start = problem.cost(from, &reason);
+  result.cost_start = problem.cost(from, &reason, &shapes);
   if (!std::isfinite(result.cost_start))
     throw Error(fmt::format("the start cannot be computed: {}", reason));
   const VecX zero = VecX::Zero(from.size()), one = VecX::Ones(from.size());

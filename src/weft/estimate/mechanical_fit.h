@@ -67,14 +67,15 @@ class MechanicalProblem {
   Fabric fabric(const VecX& scaled) const;
 
   /// Infinity where a frame has no equilibrium or the model refuses the values; `reason` then says
-  /// which.
-  double cost(const VecX& scaled, std::string* reason = nullptr) const;
+  /// which. `near`: equilibria to start from, where there are any; those that were found, after.
+  double cost(const VecX& scaled, std::string* reason = nullptr,
+              MechanicalFrames* near = nullptr) const;
   struct Linearization {
     QuadraticModel model;
     std::vector<CostPart> parts;  ///< one a frame that is compared
     int inexact = 0;              ///< frames with inexact derivatives
   };
-  Linearization linearize(const VecX& scaled) const;
+  Linearization linearize(const VecX& scaled, MechanicalFrames* near = nullptr) const;
 
  private:
   void add_ties();
@@ -83,8 +84,9 @@ class MechanicalProblem {
   void add_force_residuals(const MechanicalTrial& trial, const MechanicalFrame& frame,
                            Eigen::Index& count, VecX& r, MatX* jacobian) const;
   bool uses_points(const MechanicalTrial& trial) const;
-  bool simulate(const VecX& scaled, MechanicalDerivatives derivatives,
-                std::vector<std::vector<MechanicalFrame>>& frames, std::string* reason) const;
+  /// From `frames` where they are not empty, and from the measured shapes where that fails.
+  bool simulate(const VecX& scaled, MechanicalDerivatives derivatives, MechanicalFrames& frames,
+                std::string* reason) const;
   /// Residuals of a frame, and their derivatives by the model's parameters if `jacobian` is there.
   void residuals(const MechanicalTrial& trial, const MechanicalFrame& frame, VecX& r,
                  MatX* jacobian) const;
@@ -130,9 +132,9 @@ struct MechanicalFitResult {
 /// After each evaluation; false stops.
 using MechanicalFitObserver = std::function<bool(const MechanicalFitStep&)>;
 
-/// From the values of `start`, until two steps in a row have lowered the sum of squares by less
-/// than 0.01 (a parameter one standard deviation off costs 1), or as the options say. Throws Error
-/// if they have no equilibrium.
+/// From the values of `start`, with equilibria that start from those of the step before, until two
+/// steps in a row have lowered the sum of squares by less than 0.01 (a parameter one standard
+/// deviation off costs 1), or as the options say. Throws Error if they have no equilibrium.
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options = {},
                                    const MechanicalFitObserver& observer = {});

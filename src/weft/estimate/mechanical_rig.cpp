@@ -316,11 +316,39 @@ struct Truth {
   std::vector<std::size_t> frame_of;    ///< for each frame of the capture
 };
 
+/// Splits the quads of a grid along their other diagonals.
+void split_the_other_way(TriangleMesh& mesh) {
+  for (std::size_t t = 0; t + 1 < mesh.triangles.size(); t += 2) {
+    auto &first = mesh.triangles[t], &second = mesh.triangles[t + 1];
+    const auto is_in = [](const std::array<int, 3>& triangle, int vertex) {
+      return std::find(triangle.begin(), triangle.end(), vertex) != triangle.end();
+    };
+    std::vector<int> shared;
+    int alone = 0, other = 0;
+    for (const int vertex : first) {
+      if (is_in(second, vertex))
+        shared.push_back(vertex);
+      else
+        alone = vertex;
+    }
+    for (const int vertex : second)
+      if (!is_in(first, vertex)) other = vertex;
+    first = {alone, other, shared[0]};
+    second = {alone, other, shared[1]};
+    for (const std::size_t k : {t, t + 1})
+      if (material_area(mesh, static_cast<int>(k)) < 0)
+        std::swap(mesh.triangles[k][0], mesh.triangles[k][1]);
+  }
+}
+
 Truth compute(const MechanicalCapture& layout, const Fabric& fabric, const RigOptions& options) {
   Truth truth;
   std::vector<int> kept;
   truth.frame_of = repeated_frames(layout, has_internal_friction(fabric), kept);
-  truth.trial = prepare_mechanical(with_frames(layout, kept), options.mesh);
+  auto trial = std::make_shared<MechanicalTrial>(
+      *prepare_mechanical(with_frames(layout, kept), options.mesh));
+  for (MechanicalStage& stage : trial->stages) split_the_other_way(stage.mesh);
+  truth.trial = trial;
   truth.frames = std::move(
       simulate_mechanical({truth.trial}, fabric, MechanicalDerivatives::none, options.threads)[0]);
   for (const MechanicalFrame& frame : truth.frames)

@@ -147,12 +147,13 @@ struct Chain {
   std::vector<int> frames;
 };
 
-std::vector<Chain> chains_of(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials) {
+std::vector<Chain> chains_of(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
+                             const MechanicalFrames* near) {
   std::vector<Chain> chains;
   for (std::size_t t = 0; t < trials.size(); ++t) {
     for (int frame = 0; frame < trials[t]->capture.frame_count; ++frame) {
-      // A measured shape to start from makes frames independent of each other.
-      if (frame == 0 || trials[t]->geometry) chains.push_back({t, {}});
+      // A shape to start from makes frames independent of each other.
+      if (frame == 0 || trials[t]->geometry || near) chains.push_back({t, {}});
       chains.back().frames.push_back(frame);
     }
   }
@@ -177,14 +178,13 @@ Points start_of(const MechanicalTrial& trial, int frame, const MechanicalFrame* 
 }
 
 MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame, const Fabric& fabric,
-                               MechanicalDerivatives derivatives, const MechanicalFrame* before) {
+                               MechanicalDerivatives derivatives, Points start) {
   const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame)])];
   const MechanicalCapture& capture = trial.capture;
   const auto model = make_elastic_model(stage.mesh, fabric, capture.grain_angle);
   const HeavyCloth cloth(*model, capture.areal_density, capture.gravity);
   const std::vector<Clip> clips = capture.clips(frame);
-  ClipEquilibrium found =
-      solve_clips(cloth, clips, start_of(trial, frame, before), trial.options.statics);
+  ClipEquilibrium found = solve_clips(cloth, clips, std::move(start), trial.options.statics);
   MechanicalFrame result;
   result.frame = frame;
   result.converged = found.converged;
@@ -295,17 +295,19 @@ std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCaptur
   return trial;
 }
 
-std::vector<std::vector<MechanicalFrame>> simulate_mechanical(
+MechanicalFrames simulate_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
-    MechanicalDerivatives derivatives, int threads) {
-  std::vector<std::vector<MechanicalFrame>> results;
+    MechanicalDerivatives derivatives, int threads, const MechanicalFrames* near) {
+  MechanicalFrames results;
   for (const auto& trial : trials) results.emplace_back(at(trial->capture.frame_count));
-  const std::vector<Chain> chains = chains_of(trials);
+  const std::vector<Chain> chains = chains_of(trials, near);
   parallel_for(chains.size(), threads, [&](std::size_t i) {
     const MechanicalFrame* before = nullptr;
     for (const int frame : chains[i].frames) {
-      MechanicalFrame& result = results[chains[i].trial][at(frame)];
-      result = simulate_frame(*trials[chains[i].trial], frame, fabric, derivatives, before);
+      const std::size_t t = chains[i].trial;
+      MechanicalFrame& result = results[t][at(frame)];
+      Points start = near ? (*near)[t][at(frame)].x : start_of(*trials[t], frame, before);
+      result = simulate_frame(*trials[t], frame, fabric, derivatives, std::move(start));
       before = &result;
     }
   });

@@ -16,7 +16,10 @@ struct MechanicalOptions {
   /// left between clips or beside one), 2 to 200; more where they are finer at a clip. Along the
   /// other side cells are at most twice as wide.
   int cells = 16;
-  GridPattern pattern = GridPattern::alternating;
+  /// On the alternating grid cloth bends too easily at a clip: cells there are far longer along its
+  /// border than across, and their diagonals let every other row of vertices bend beyond the
+  /// border.
+  GridPattern pattern = GridPattern::uniform;
   StaticOptions statics;
 };
 
@@ -67,14 +70,19 @@ struct MechanicalFrame {
 
 enum class MechanicalDerivatives { none, all };
 
-/// All frames of all trials with `fabric`. A frame with a measured shape starts from it; otherwise
-/// the first starts between the clips (blend_of_clips) and each later one where the one before
-/// ended, moved along with the clips. A frame without equilibrium holds what was reached. Results
-/// do not depend on the number of threads. Throws Error for a fabric that is no elastic model, or
-/// whose values the model refuses.
-std::vector<std::vector<MechanicalFrame>> simulate_mechanical(
+/// Of each trial all frames.
+using MechanicalFrames = std::vector<std::vector<MechanicalFrame>>;
+
+/// All frames of all trials with `fabric`. With `near`, each starts from the shape that it has
+/// there (of the same trials, for a similar fabric). Otherwise a frame with a measured shape starts
+/// from it; otherwise the first starts between the clips (blend_of_clips) and each later one where
+/// the one before ended, moved along with the clips. A frame without equilibrium holds what was
+/// reached. Results do not depend on the number of threads. Throws Error for a fabric that is no
+/// elastic model, or whose values the model refuses.
+MechanicalFrames simulate_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
-    MechanicalDerivatives derivatives = MechanicalDerivatives::none, int threads = 0);
+    MechanicalDerivatives derivatives = MechanicalDerivatives::none, int threads = 0,
+    const MechanicalFrames* near = nullptr);
 
 /// How far a frame's forces and shape are from the measured ones.
 struct MechanicalDifference {
