@@ -166,11 +166,12 @@ void study_cusick(const StudyFolders& folders) {
     const Statistics lobes = statistics(measured.others.lobes);
     const Simulated found = interpolated(table, fitted.mean);
     fmt::print(
-        "{:<8} {:>8.3f} {:>8.1f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.2f} {:>8.2f} "
-        "{:>8.2f} {:>8.2f}\n",
+        "{:<8} {:>8.3f} {:>8.3f} {:>8.1f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.2f} {:>8.2f} "
+        "{:>8.2f} {:>8.2f}{}\n",
         fabric, fitted.mean, fitted.deviation, 1e3 * found.bending_length, others.mean,
         others.deviation, statistics(measured.within).mean, found.coefficient.deviation, lobes.mean,
-        lobes.deviation, found.lobes.mean, found.lobes.deviation);
+        lobes.deviation, found.lobes.mean, found.lobes.deviation,
+        fitted.mean < table.front().coefficient.mean ? "  (limper than what was simulated)" : "");
     PlotSeries points;
     points.name = fmt::format("fabric {}", fabric);
     points.mark = PlotSeries::Mark::points;

@@ -3,10 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <numbers>
 
 #include "dynamics/elastica.h"
 #include "weft/base/error.h"
+#include "weft/capture/table_file.h"
+#include "weft/vision/strip_profile.h"
 
 namespace weft {
 namespace {
@@ -103,6 +106,31 @@ TEST(FitCantilever, RecoversTheLawThatBentAStrip) {
     EXPECT_NEAR(found.law.respond(c).moment, moment, 0.01 * moment);
   }
   EXPECT_GT(fit_cantilever(bent.at, weight).distance_rms, 2e-4);
+}
+
+// A real glass fabric of 13.6 N/m^2; the published moment at the clamp is 0.3879 N.
+TEST(PhotographedCantilever, RootMomentIsThePublishedOne) {
+  const std::filesystem::path data =
+      std::filesystem::path(WEFT_SOURCE_DIR) / "data/textiles/cantilever";
+  const double published = TableFile(data / "published.csv").numbers("moment")[0];
+  const TableFile table(data / "profile.csv");
+  MaterialPoints profile(2, static_cast<Eigen::Index>(table.row_count()));
+  profile.row(0) = table.numbers("x").transpose();
+  profile.row(1) = table.numbers("y").transpose();
+  EXPECT_NEAR(moment_curvature(profile, 13.6).moment[0], published, 0.002 * published);
+
+  MaterialPoints photographed =
+      find_strip_profile(read_grey_image(data / "photograph.jpg")) * 0.1101e-3;
+  photographed.row(1) *= -1;
+  EXPECT_NEAR(moment_curvature(photographed, 13.6).moment[0], published, 0.02 * published);
+
+  // Both see the same law: a rigidity and friction that is overcome within a few 1/m.
+  const CantileverFit a = fit_cantilever(profile, 13.6, BendTerms::friction);
+  const CantileverFit b = fit_cantilever(photographed, 13.6, BendTerms::friction);
+  EXPECT_LT(a.distance_rms, 5e-4);
+  EXPECT_LT(b.distance_rms, 5e-4);
+  for (const double c : {2.0, 5.0, 8.0})
+    EXPECT_NEAR(a.law.respond(c).moment, b.law.respond(c).moment, 0.05 * a.law.respond(c).moment);
 }
 
 }  // namespace
