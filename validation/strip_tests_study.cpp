@@ -174,6 +174,7 @@ PlotSeries series(const std::string& name, const StripTest& test, const VecX& fo
 
 // Bias extension.
 
+constexpr double kSoundShear = 60 * kDegree;
 constexpr double kBiasWidth = 0.115, kBiasLength = 0.230;
 
 /// Pin-jointed threads (Cao et al. 2008): the middle shears by gamma, the zones beside it by half
@@ -343,13 +344,17 @@ void study_bias_extension(const StudyFolders& folders) {
     const VecX from_all = bias_forces(kinematics, whole, d);
     const VecX from_half = bias_forces(kinematics, part, d);
     const Eigen::Index rest = d.size() - half;
+    // Beyond, the threads are nearly parallel and the kinematics has no say.
+    Eigen::Index sound = half;
+    while (sound < d.size() && kinematics.angle(d[sound]) < kSoundShear) ++sound;
     fmt::print(
-        "  {} control points: whole curve {:.2f} % rms of the largest; first half {:.2f} % of "
-        "its largest, second half from the first {:.1f} % (at the end {:.2f} of {:.2f} N)\n",
+        "  {} control points: fitted to all {:.2f} %; fitted to the first half {:.2f} %, second "
+        "half "
+        "from it {:.1f} %, up to {:.0f} degrees of shear {:.1f} %\n",
         knots, 100 * rms(from_all - force) / force.maxCoeff(),
         100 * rms((from_half - force).head(half)) / first.maxCoeff(),
-        100 * rms((from_half - force).tail(rest)) / force.maxCoeff(), from_half[d.size() - 1],
-        force[d.size() - 1]);
+        100 * rms((from_half - force).tail(rest)) / force.maxCoeff(), kSoundShear / kDegree,
+        100 * rms((from_half - force).segment(half, sound - half)) / force[sound - 1]);
     if (knots != 3 && knots != 5) continue;
     PlotSeries line;
     line.x = list(1e3 * d);
