@@ -35,9 +35,12 @@ Statistics statistics(const std::vector<double>& values) {
 struct Drapes {
   std::vector<double> coefficient, lobes;
 };
+/// Pictures 1 and 2 of a sample, and 3 and 4, are repeats; between the two pairs it was turned
+/// over, as far as the coefficients tell.
 struct Measured {
-  Drapes fitted, others;       ///< odd and even samples
-  std::vector<double> within;  ///< standard deviation of the captures of each sample
+  Drapes fitted, others;        ///< odd and even samples
+  std::vector<double> repeats;  ///< of the others: difference of a pair, over sqrt(2)
+  std::vector<double> sides;    ///< of the others: second pair less the first
 };
 
 int number_after(const std::string& text, const std::string& word) {
@@ -56,7 +59,7 @@ DrapeShadow shadow_of_picture(const std::filesystem::path& path) {
 
 std::map<int, Measured> read_silhouettes(const std::filesystem::path& folder) {
   std::map<int, Measured> fabrics;
-  std::map<std::pair<int, int>, std::vector<double>> samples;
+  std::map<std::pair<int, int>, std::map<int, double>> others;
   std::set<std::filesystem::path> paths;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) paths.insert(entry.path());
   for (const auto& path : paths) {
@@ -67,10 +70,16 @@ std::map<int, Measured> read_silhouettes(const std::filesystem::path& folder) {
     Drapes& drapes = sample % 2 == 1 ? fabrics[fabric].fitted : fabrics[fabric].others;
     drapes.coefficient.push_back(shadow.coefficient);
     drapes.lobes.push_back(shadow.lobes);
-    samples[{fabric, sample}].push_back(shadow.coefficient);
+    if (sample % 2 == 0)
+      others[{fabric, sample}][number_after(name, "Capture_")] = shadow.coefficient;
   }
-  for (const auto& [key, values] : samples)
-    fabrics[key.first].within.push_back(statistics(values).deviation);
+  for (const auto& [key, captures] : others) {
+    Measured& measured = fabrics[key.first];
+    const double a = captures.at(1), b = captures.at(2), c = captures.at(3), d = captures.at(4);
+    measured.repeats.insert(measured.repeats.end(),
+                            {(a - b) / std::sqrt(2.0), (c - d) / std::sqrt(2.0)});
+    measured.sides.push_back(0.5 * (c + d) - 0.5 * (a + b));
+  }
   return fabrics;
 }
 
@@ -150,11 +159,10 @@ void study_cusick(const StudyFolders& folders) {
   rough.perturbation = 0.02;
   for (const double c : {0.015, 0.021}) print(simulated(c, kStarts, rough));
 
-  fmt::print("{:<8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "fabric",
-             "fitted", "spread", "bending", "others", "spread", "within", "spread", "lobes",
-             "spread", "lobes", "spread");
-  fmt::print("{:<8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "",
-             "mean", "", "mm", "mean", "", "sample", "simul.", "", "", "simul.", "simul.");
+  fmt::print(
+      "coefficient of the fitted half (mean, spread), bending length (mm); of the other half "
+      "mean, spread, spread of repeats, second side less the first; spread simulated; lobes of "
+      "the other half and simulated, with spread\n");
   LinePlot plot;
   plot.title = "Cusick drape: lobes and drape coefficient";
   plot.x.label = "drape coefficient";
@@ -165,12 +173,16 @@ void study_cusick(const StudyFolders& folders) {
     const Statistics others = statistics(measured.others.coefficient);
     const Statistics lobes = statistics(measured.others.lobes);
     const Simulated found = interpolated(table, fitted.mean);
+    const VecX repeats =
+        VecX::Map(measured.repeats.data(), static_cast<Eigen::Index>(measured.repeats.size()));
     fmt::print(
-        "{:<8} {:>8.3f} {:>8.1f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.2f} {:>8.2f} "
-        "{:>8.2f} {:>8.2f}\n",
+        "  {}: {:.3f} {:.3f}  {:>5.1f}  {:.3f} {:.3f} {:.3f} {:+.3f}  {:.3f}  {:>5.2f} {:.2f}  "
+        "{:>5.2f} {:.2f}{}\n",
         fabric, fitted.mean, fitted.deviation, 1e3 * found.bending_length, others.mean,
-        others.deviation, statistics(measured.within).mean, found.coefficient.deviation, lobes.mean,
-        lobes.deviation, found.lobes.mean, found.lobes.deviation);
+        others.deviation, rms(repeats), statistics(measured.sides).mean,
+        found.coefficient.deviation, lobes.mean, lobes.deviation, found.lobes.mean,
+        found.lobes.deviation,
+        fitted.mean < table.front().coefficient.mean ? "  (limper than what was simulated)" : "");
     PlotSeries points;
     points.name = fmt::format("fabric {}", fabric);
     points.mark = PlotSeries::Mark::points;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <numbers>
 #include <sstream>
 
 #include "textile_studies.h"
@@ -147,7 +148,7 @@ struct Errors {
 Errors errors_of(const Fabric& fabric, const std::vector<StripTest>& tests) {
   double force = 0, lateral = 0, count = 0, largest = 0;
   for (const StripTest& test : tests) {
-    const auto states = HomogeneousStrip(fabric).pull(test.stretch);
+    const auto states = HomogeneousStrip(fabric, test.grain_angle).pull(test.stretch);
     for (Eigen::Index i = 0; i < test.stretch.size(); ++i) {
       const StripState& state = states[static_cast<std::size_t>(i)];
       force += std::pow(state.force - test.force[i], 2);
@@ -210,7 +211,7 @@ double largest_return(const Sample& sample) {
 
 struct Found {
   Fabric fabric;
-  std::vector<StripTest> held_back;
+  std::vector<StripTest> fitted, held_back;
 };
 
 Found study(const Sample& sample, LinePlot& plot) {
@@ -250,7 +251,7 @@ Found study(const Sample& sample, LinePlot& plot) {
   for (const StripState& state : HomogeneousStrip(plain.fabric).pull(held_back[0].stretch))
     line.y.push_back(state.force * sample.fabric_width);
   plot.series.push_back(line);
-  return {plain.fabric, held_back};
+  return {plain.fabric, fitted, held_back};
 }
 
 /// The same specimen on a mesh between its clamps, which keep it from getting narrow there.
@@ -294,16 +295,29 @@ void between_clamps(const Sample& sample, const Found& found) {
   fmt::print("\n");
 }
 
-/// Slopes at 10 % elongation: an elastic sheet has nu_xy / E_x = nu_yx / E_y.
-struct Tangent {
-  double modulus, poisson;
-};
-Tangent tangent(const Found& found) {
-  VecX at(2);
-  at << 1.08, 1.12;
-  const auto states = HomogeneousStrip(found.fabric).pull(at);
-  return {(states[1].force - states[0].force) / 0.04,
-          -(states[1].lateral - states[0].lateral) / 0.04};
+/// One sheet for both directions of a knit: a curve along each thread, one coupling.
+void joint_fit(const std::string& name, const Found& x, const Found& y) {
+  std::vector<StripTest> tests = x.fitted;
+  for (StripTest test : y.fitted) {
+    test.grain_angle = std::numbers::pi / 2;
+    tests.push_back(test);
+  }
+  Fabric start = x.fabric;
+  start.set_curve("warp_stretch", y.fabric.curve("weft_stretch"));
+  const double least = std::min(start.curve("weft_stretch").values().minCoeff(),
+                                start.curve("warp_stretch").values().minCoeff());
+  start.set("stretch_coupling", std::max(1e-3, 0.5 * least));
+  std::vector<std::string> free = value_names(start, "weft_stretch");
+  for (const std::string& value : value_names(start, "warp_stretch")) free.push_back(value);
+  free.emplace_back("stretch_coupling");
+  const StripFit fit = fit_strips(tests, start, free);
+  const std::vector<StripTest> along(tests.begin(), tests.begin() + kFitted),
+      across(tests.begin() + kFitted, tests.end());
+  const Errors own_x = errors_of(x.fabric, x.fitted), own_y = errors_of(y.fabric, y.fitted);
+  const Errors joint_x = errors_of(fit.fabric, along), joint_y = errors_of(fit.fabric, across);
+  fmt::print("  {:<26} {:>7.2f} {:>7.2f} {:>7.2f} {:>7.2f}   {:>7.4f} {:>7.4f} {:>7.4f} {:>7.4f}\n",
+             name, 100 * own_x.force, 100 * joint_x.force, 100 * own_y.force, 100 * joint_y.force,
+             own_x.lateral, joint_x.lateral, own_y.lateral, joint_y.lateral);
 }
 
 }  // namespace
@@ -338,18 +352,13 @@ void study_knits(const StudyFolders& folders) {
   fmt::print("the homogeneous strip against a mesh between clamps\n");
   for (const Sample& sample : samples)
     if (found.contains(sample.name)) between_clamps(sample, found.at(sample.name));
-  fmt::print("elastic sheets have nu_xy / E_x = nu_yx / E_y; at 10 % elongation\n");
+  fmt::print(
+      "one sheet for both directions against one for each: force rms, % of the largest (x: "
+      "own, joint; y: own, joint), and of the width\n");
   for (const auto& [name, x] : found) {
     if (!name.ends_with("_x")) continue;
-    const auto y = found.find(name.substr(0, name.size() - 1) + "y");
-    if (y == found.end()) continue;
-    const Tangent a = tangent(x), b = tangent(y->second);
-    fmt::print(
-        "  {}: E {:.1f} and {:.1f} N/m, nu {:.3f} and {:.3f}: nu/E {:.3g} and {:.3g} m/N, "
-        "ratio {:.2f}\n",
-        name.substr(0, name.size() - 2), a.modulus, b.modulus, a.poisson, b.poisson,
-        a.poisson / a.modulus, b.poisson / b.modulus,
-        a.poisson / a.modulus / (b.poisson / b.modulus));
+    const std::string knit = name.substr(0, name.size() - 2);
+    if (found.contains(knit + "_y")) joint_fit(knit, x, found.at(knit + "_y"));
   }
 }
 

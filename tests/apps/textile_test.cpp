@@ -54,7 +54,7 @@ TEST_F(Textile, ProfileGivesMomentsAndTheLaw) {
 TEST_F(Textile, PhotographGivesTheProfile) {
   // A bright band, 6 px wide, along the elastica; 0.5 mm a pixel, from the left border.
   const ElasticaProfile bent = heavy_elastica(1e-3, 0.5 * kStandardGravity, 0.15);
-  Image image = Image::Constant(220, 330, 0.02f);
+  Image image = Image::Constant(300, 330, 0.02f);
   for (int i = 0; i < image.rows(); ++i)
     for (int j = 0; j < image.cols(); ++j) {
       const Vec2 p = 5e-4 * Vec2(j + 0.5, 40 - (i + 0.5));

@@ -165,5 +165,48 @@ TEST_F(StandardTest, RefusesWhatItDoesNotKnow) {
               StartsWith("curve.csv:3: F: \"x\" is not a finite number"));
 }
 
+class CantileverTest : public ReadMechanical {
+ protected:
+  void SetUp() override {
+    write("capture.toml",
+          "format = \"weft-capture\"\nversion = 1\nkind = \"mechanical\"\ntest = "
+          "\"cantilever\"\nspecimen = { width = 0.02, areal_density = 0.15 }\n[profile]\nfile = "
+          "\"profile.csv\"\nclamp_angle_deg = 30\n");
+    // Ten points 1 cm apart, at 30 degrees below the horizontal, from (0.1, 0.3) m.
+    std::string text = "x,y\n";
+    for (int i = 0; i < 10; ++i)
+      text += std::to_string(0.1 + 0.01 * i * std::cos(std::numbers::pi / 6)) + "," +
+              std::to_string(0.3 - 0.005 * i) + "\n";
+    write("profile.csv", text);
+  }
+};
+
+TEST_F(CantileverTest, IsAStripInAClampWithItsProfileAsTheShape) {
+  const MechanicalCapture capture = read_mechanical_capture(folder_);
+  EXPECT_EQ(capture.frame_count, 1);
+  EXPECT_EQ(capture.gravity, Vec3(0, 0, -9.81));
+  ASSERT_EQ(capture.fixtures.size(), 1u);
+  const Clip& clip = capture.fixtures[0].frames[0];
+  EXPECT_NEAR(capture.width - clip.region.upper.x(), 0.09, 1e-5);  // x and y have 6 digits
+  const MeasuredGeometry geometry = read_geometry(capture);
+  ASSERT_EQ(geometry.frames.size(), 1u);
+  ASSERT_EQ(geometry.mesh.vertex_count(), 20);
+  // A straight strip goes on in the clamp's direction.
+  for (Eigen::Index i = 0; i < 20; ++i)
+    EXPECT_LT((clip.place(geometry.mesh.material.col(i)) - geometry.frames[0].col(i)).norm(), 1e-5);
+}
+
+TEST_F(CantileverTest, RefusesWhatIsNoProfile) {
+  EXPECT_THAT(refusal_with("profile.csv", "x,y", "x,z"), HasSubstr("no column \"y\""));
+  EXPECT_THAT(refusal_with("capture.toml", "clamp_angle_deg = 30", "clamp_angle_deg = 95"),
+              HasSubstr("clamp_angle_deg"));
+  write("profile.csv", "x,y\n0,0\n0.01,0\n");
+  EXPECT_THAT(refusal(), HasSubstr("2 points"));
+  std::string text = "x,y\n";
+  for (int i = 0; i < 10; ++i) text += std::to_string(10 * i) + ",0\n";
+  write("profile.csv", text);
+  EXPECT_THAT(refusal(), HasSubstr("in m"));
+}
+
 }  // namespace
 }  // namespace weft

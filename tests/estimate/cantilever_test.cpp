@@ -3,10 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iomanip>
 #include <numbers>
 
+#include "common/temporary_folder.h"
 #include "dynamics/elastica.h"
 #include "weft/base/error.h"
+#include "weft/capture/table_file.h"
+#include "weft/estimate/mechanical_fit.h"
+#include "weft/vision/strip_profile.h"
 
 namespace weft {
 namespace {
@@ -103,6 +110,58 @@ TEST(FitCantilever, RecoversTheLawThatBentAStrip) {
     EXPECT_NEAR(found.law.respond(c).moment, moment, 0.01 * moment);
   }
   EXPECT_GT(fit_cantilever(bent.at, weight).distance_rms, 2e-4);
+}
+
+// The ten-line capture of a profile, fitted on a mesh like any mechanical capture.
+TEST(CantileverCapture, FitRecoversTheRigidityOnAMesh) {
+  const double density = 0.2, rigidity = 2e-5;
+  const ElasticaProfile bent = heavy_elastica(rigidity, density * 9.81, 0.1, 0.1);
+  const test::TemporaryFolder folder;
+  std::ofstream(folder.path() / "capture.toml")
+      << "format = \"weft-capture\"\nversion = 1\nkind = \"mechanical\"\ntest = \"cantilever\"\n"
+         "specimen = { width = 0.02, areal_density = 0.2 }\n"
+         "[profile]\nfile = \"profile.csv\"\nclamp_angle_deg = "
+      << 0.1 * 180 / std::numbers::pi << "\n";
+  std::ofstream profile(folder.path() / "profile.csv");
+  profile << std::setprecision(12) << "x,y\n";
+  for (Eigen::Index i = 0; i < bent.at.cols(); i += 20)
+    profile << bent.at(0, i) << ',' << bent.at(1, i) << '\n';
+  profile.close();
+  MechanicalOptions options;
+  options.cells = 8;
+  const auto trial = prepare_mechanical(read_mechanical_capture(folder.path()), options);
+  Fabric fabric = Fabric::with_defaults("strip", "stvk-diagonal");
+  fabric.set("weft_stretch", 5000);
+  fabric.set("weft_bend", 3 * rigidity);
+  const MechanicalFitResult fit =
+      fit_mechanical(MechanicalProblem({trial}, fabric, {"weft_bend"}), fabric);
+  EXPECT_NEAR(fit.fabric.value("weft_bend"), rigidity,
+              0.015 * rigidity);  // 2.1, 1.0 % with 4, 8 cells
+}
+
+// A real glass fabric of 13.6 N/m^2; the published moment at the clamp is 0.3879 N.
+TEST(PhotographedCantilever, RootMomentIsThePublishedOne) {
+  const std::filesystem::path data =
+      std::filesystem::path(WEFT_SOURCE_DIR) / "data/textiles/cantilever";
+  const double published = TableFile(data / "published.csv").numbers("moment")[0];
+  const TableFile table(data / "profile.csv");
+  MaterialPoints profile(2, static_cast<Eigen::Index>(table.row_count()));
+  profile.row(0) = table.numbers("x").transpose();
+  profile.row(1) = table.numbers("y").transpose();
+  EXPECT_NEAR(moment_curvature(profile, 13.6).moment[0], published, 0.002 * published);
+
+  MaterialPoints photographed =
+      find_strip_profile(read_grey_image(data / "photograph.jpg")) * 0.1101e-3;
+  photographed.row(1) *= -1;
+  EXPECT_NEAR(moment_curvature(photographed, 13.6).moment[0], published, 0.02 * published);
+
+  // Both see the same law: a rigidity and friction that is overcome within a few 1/m.
+  const CantileverFit a = fit_cantilever(profile, 13.6, BendTerms::friction);
+  const CantileverFit b = fit_cantilever(photographed, 13.6, BendTerms::friction);
+  EXPECT_LT(a.distance_rms, 5e-4);
+  EXPECT_LT(b.distance_rms, 5e-4);
+  for (const double c : {2.0, 5.0, 8.0})
+    EXPECT_NEAR(a.law.respond(c).moment, b.law.respond(c).moment, 0.05 * a.law.respond(c).moment);
 }
 
 }  // namespace

@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <fstream>
 #include <numbers>
 
+#include "common/temporary_folder.h"
 #include "weft/base/error.h"
 #include "weft/estimate/mechanical_trial.h"
 #include "weft/model/friction.h"
@@ -183,6 +185,19 @@ TEST(FitStrips, RecoversOrthotropicConstantsFromThreeAngles) {
     EXPECT_NEAR(fit.fabric.values[i] / stvk().values[i], 1, 1e-3) << i;
   tests[0].force.conservativeResize(3);
   EXPECT_THROW(fit_strips(tests, start, {"membrane_uu"}), Error);
+}
+
+// The tensile test of the KES-F, simulated: its maximum load at the elongation EMT.
+TEST(HomogeneousStrip, PullsAFabricOfKesNumbersToItsLoad) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "numbers.toml";
+  std::ofstream(path) << "format = \"weft-kes\"\nversion = 1\n"
+                         "[weft]\nEMT = 6\nLT = 0.6\nG = 0.8\nB = 0.07\n"
+                         "[warp]\nEMT = 4\nLT = 0.8\nG = 1\nB = 0.1\n";
+  const Fabric fabric = find_fabric(path.string());
+  const double load = 500 * 0.980665;  // gf/cm in N/m
+  EXPECT_NEAR(force_at(fabric, 1.06), load, 1e-6);
+  EXPECT_NEAR(force_at(fabric, 1.04, std::numbers::pi / 2), load, 1e-6);
 }
 
 TEST(HomogeneousStrip, RefusesSprings) {

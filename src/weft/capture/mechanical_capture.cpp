@@ -11,6 +11,7 @@
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
 #include "weft/capture/table_file.h"
+#include "weft/mesh/grid_lines.h"
 #include "weft/mesh/mesh_io.h"
 
 namespace weft {
@@ -21,6 +22,7 @@ constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
 constexpr Range kAnyNumber{-kInfinity, kInfinity};
 constexpr Range kGrainAngle{-360, 360};  // degrees
 constexpr double kOnSwatch = 1e-6;       // m
+constexpr double kSamePoint = 1e-9;      // m
 constexpr double kUnitLength = 1e-3;     // of a quaternion
 /// Clips further apart than this many times their distance on the undeformed swatch are a mistake,
 /// of the unit as a rule.
@@ -29,7 +31,9 @@ constexpr double kMaxClipStretch = 3;
 /// rigid and has no weight.
 constexpr double kNominalClipDepth = 5e-3;  // m
 
-const std::vector<std::string> kTests{"strip", "bias-extension"};
+const std::vector<std::string> kTests{"strip", "bias-extension", "cantilever"};
+constexpr Range kClampAngle{-80, 80};      // degrees
+constexpr Eigen::Index kLeastProfile = 8;  // points
 
 TomlTable parse_capture(const std::filesystem::path& folder) {
   if (!std::filesystem::is_directory(folder)) {
@@ -57,6 +61,48 @@ bool overlap(const MaterialRectangle& a, const MaterialRectangle& b) {
 struct FixtureSource {
   SourceLocation region, motion;
 };
+
+/// The line of a cantilevered strip, from the clamp to the tip.
+struct Profile {
+  MaterialPoints at;  ///< x horizontal, y up, m
+  VecX arc;           ///< m from the clamp
+};
+Profile read_profile(const std::filesystem::path& path) {
+  const TableFile file(path);
+  Profile profile;
+  const VecX x = file.numbers("x"), y = file.numbers("y");
+  if (x.size() < kLeastProfile)
+    throw error_at({path, 0, {}},
+                   fmt::format("{} points; a profile has {} or more", x.size(), kLeastProfile));
+  profile.at.resize(2, x.size());
+  profile.at << x.transpose(), y.transpose();
+  profile.arc = VecX::Zero(x.size());
+  for (Eigen::Index i = 1; i < x.size(); ++i) {
+    const double part = (profile.at.col(i) - profile.at.col(i - 1)).norm();
+    if (!(part > kSamePoint))
+      throw file.fail(static_cast<std::size_t>(i), "x", "the same point as the one before");
+    profile.arc[i] = profile.arc[i - 1] + part;
+  }
+  if (profile.arc[x.size() - 1] > kSwatchSide.upper)
+    throw error_at({path, 0, {}},
+                   fmt::format("a strip of {:g} m; x and y are in m", profile.arc[x.size() - 1]));
+  return profile;
+}
+
+/// The same across the strip: two points at each arc length.
+MeasuredGeometry profile_geometry(const MechanicalCapture& capture) {
+  const Profile profile = read_profile(capture.geometry->points);
+  const Eigen::Index n = profile.arc.size();
+  std::vector<double> u, v{0, capture.height};
+  for (const double arc : profile.arc) u.push_back(kNominalClipDepth + arc);
+  MeasuredGeometry geometry;
+  geometry.mesh = make_swatch(u, v);
+  Points x(3, 2 * n);
+  for (Eigen::Index i = 0; i < 2 * n; ++i)
+    x.col(i) = Vec3(profile.at(0, i % n), v[static_cast<std::size_t>(i / n)], profile.at(1, i % n));
+  geometry.frames.push_back(x);
+  return geometry;
+}
 
 class MechanicalReader {
  public:
@@ -230,6 +276,10 @@ class MechanicalReader {
 
   void read_standard_test() {
     const std::string test = file_.choice("test", kTests);
+    if (test == "cantilever") {
+      read_cantilever();
+      return;
+    }
     const TomlTable specimen = file_.table("specimen");
     const double free_length = specimen.number("free_length", kSwatchSide);
     capture_.height = specimen.number("width", kSwatchSide);
@@ -259,6 +309,38 @@ class MechanicalReader {
     forces = Points::Constant(3, force.size(), kNotMeasured);
     forces.row(0) = force.transpose();
     sources_.assign(2, {curve.where("displacement"), curve.where("displacement")});
+  }
+
+  /// A strip in a clip, with the profile of its line as the measured shape.
+  void read_cantilever() {
+    const TomlTable specimen = file_.table("specimen");
+    capture_.height = specimen.number("width", kSwatchSide);
+    capture_.areal_density = specimen.number("areal_density", kArealDensity);
+    read_grain_angle(specimen, 0);
+    specimen.finish();
+    const TomlTable table = file_.table("profile");
+    const TableFile& file = table_file(table, "file");
+    for (const char* column : {"x", "y"})
+      if (!file.has(column))
+        throw error_at(table.where("file"), fmt::format("{} has no column \"{}\"",
+                                                        file.path().filename().string(), column));
+    const double degrees = table.optional_number("clamp_angle_deg", kClampAngle).value_or(0);
+    table.finish();
+    const Profile profile = read_profile(file.path());
+    capture_.width = kNominalClipDepth + profile.arc[profile.arc.size() - 1];
+    capture_.frame_count = 1;
+    MechanicalFixture fixture;
+    fixture.name = "clamp";
+    Clip clip;
+    clip.region = {{0, 0}, {kNominalClipDepth, capture_.height}};
+    clip.rotation = Eigen::AngleAxisd(degrees * std::numbers::pi / 180, Vec3::UnitY());
+    clip.position = Vec3(profile.at(0, 0), 0.5 * capture_.height, profile.at(1, 0)) -
+                    clip.rotation * Vec3(0.5 * kNominalClipDepth, 0, 0);
+    fixture.frames.push_back(clip);
+    fixture.forces.resize(3, 0);
+    capture_.fixtures.push_back(std::move(fixture));
+    sources_.assign(1, {table.where("file"), table.where("file")});
+    capture_.geometry = GeometryFiles{file.path(), file.path()};
   }
 
   static VecX curve_column(const TomlTable& curve, std::string_view key, const TableFile& file) {
@@ -342,6 +424,7 @@ MechanicalCapture read_mechanical_capture(const std::filesystem::path& folder) {
 
 MeasuredGeometry read_geometry(const MechanicalCapture& capture) {
   if (!capture.geometry) throw Error(fmt::format("capture \"{}\" has no [geometry]", capture.name));
+  if (capture.geometry->points == capture.geometry->rest_mesh) return profile_geometry(capture);
   const std::filesystem::path& mesh_path = capture.geometry->rest_mesh;
   ObjMesh obj = read_obj(mesh_path);
   if (!obj.texture) {

@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -161,6 +162,9 @@ class Tracer {
 
 Image read_grey_image(const std::filesystem::path& path) {
   cv::Mat grey;
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored))
+    throw Error(fmt::format("{}: no such file", path.string()));
   try {
     grey = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
   } catch (const cv::Exception&) {
