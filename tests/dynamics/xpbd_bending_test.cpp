@@ -73,13 +73,11 @@ TEST(XpbdBending, AFoldThatPassesHalfATurnStillOpens) {
 
 TEST(XpbdBending, CurvatureIsARigidityOnRandomTriangulationsAndTheDihedralAngleIsNot) {
   // On a grid the curvature of the triangles is exact to half a per cent, on random triangulations
-  // a little too stiff; it gets better on finer meshes. With an angle for each edge the tip sinks
-  // as the mesh will have it: nearly right on one, a fifth too far on another.
+  // 2 to 6 % too stiff. With an angle for each edge the tip sinks as the mesh will have it: nearly
+  // right on one, a fifth too far on another.
   EXPECT_LT(std::abs(RandomStrip(10, 0).tip_error(XpbdBending::curvature)), 0.01);
   double worst = 0, least = 1, most = -1;
   for (const int seed : {0, 2, 3}) {
-    worst_coarse =
-        std::max(worst_coarse, std::abs(RandomStrip(10, seed).tip_error(XpbdBending::curvature)));
     worst = std::max(worst, std::abs(RandomStrip(20, seed).tip_error(XpbdBending::curvature)));
     for (const int cells : {10, 20}) {
       const double error = RandomStrip(cells, seed).tip_error(XpbdBending::dihedral);
