@@ -261,7 +261,7 @@ void BM_Peer(benchmark::State& state) {
 /// Fewer frames on the larger meshes. On one core by the time of the processor, which others on the
 /// machine disturb less; on two by the clock.
 void plan_runs(benchmark::internal::Benchmark* b, int threads) {
-  for (const auto& [n, frames] : {std::pair{25, 100}, {100, 20}, {200, 10}})
+  for (const auto& [n, frames] : {std::pair{25, 400}, {100, 60}, {200, 10}})
     for (const auto& [substeps, iterations] : {std::pair{5, 10}, {50, 1}})
       b->Args({n, frames, substeps, iterations, threads});
   b->ArgNames({"vertices", "frames", "substeps", "iterations", "threads"});

@@ -11,9 +11,10 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 System::System(const TriangleMesh& mesh, const VecX& inverse_masses, int threads,
                int vertices_per_slab)
-    : order_(slab_order(mesh, vertices_per_slab)),
-      scheduler_(order_),
-      threads_(threads > 0 ? threads : hardware_threads()) {
+    : order_(slab_order(mesh, vertices_per_slab)), scheduler_(order_) {
+  const int wanted = threads > 0 ? threads : hardware_threads();
+  if (wanted > 1 && order_.slab_count() > 1)
+    team_ = std::make_unique<WorkerTeam>(std::min(wanted, order_.slab_count()));
   for (const int i : order_.original) inverse_masses_.push_back(inverse_masses[i]);
   vertices_.x.resize(order_.original.size() + at(order_.slab_count()));
   vertices_.pull.resize(vertices_.x.size());
@@ -43,10 +44,10 @@ void System::split_vertices() {
 }
 
 void System::parallel(std::size_t count, const std::function<void(std::size_t)>& task) const {
-  if (threads_ == 1 || count == 1) {
-    for (std::size_t i = 0; i < count; ++i) task(i);
+  if (team_ != nullptr) {
+    team_->run(count, task);
   } else {
-    parallel_for(count, threads_, task);
+    for (std::size_t i = 0; i < count; ++i) task(i);
   }
 }
 

@@ -2,6 +2,7 @@
 /// The state of an XPBD simulation and what is done with all of its constraints at once.
 #include <functional>
 
+#include "weft/base/worker_team.h"
 #include "weft/dynamics/xpbd_packs.h"
 
 namespace weft::xpbd {
@@ -78,7 +79,7 @@ class System {
   std::vector<double> parts_;  // [new index], into how many a Jacobi sweep splits a vertex
   Vertices vertices_;
   XpbdSweep sweep_ = XpbdSweep::gauss_seidel;
-  int threads_;
+  std::unique_ptr<WorkerTeam> team_;  // none for one thread or one slab
 };
 
 }  // namespace weft::xpbd
