@@ -1,6 +1,7 @@
 /// Fits from scanned shapes, against what made them.
 ///
-///     weft_validate_scan [table1] [noise] [mechanical] [captures] [--data FOLDER] [--cells N]
+///     weft_validate_scan [table1] [noise] [descriptors] [mechanical] [captures] [--data FOLDER]
+///     [--cells N]
 ///     [--fine N] [--out FOLDER]
 ///
 /// table1: targets of the paper's section 4.2 on the mesh of the fit (Larionov et al. 2022, Table
@@ -171,6 +172,7 @@ Arguments parse(int argc, char** argv) {
 void run(const Arguments& arguments) {
   if (arguments.has("table1")) table1(arguments, false);
   if (arguments.has("noise")) table1(arguments, true);
+  if (arguments.has("descriptors")) descriptors(arguments);
   if (arguments.has("mechanical")) mechanical_scans(arguments);
   if (arguments.has("captures")) capture_scans(arguments);
 }

@@ -37,6 +37,15 @@ void print_fit(const ScanFitResult& fit, const Fabric* truth) {
       "noise: shape {:.3g}, force {:.3g}; {} inexact\n",
       fit.cost, fit.cost_start, fit.iterations, fit.evaluations, fit.wall_s, fit.shape_rms,
       fit.force_rms, fit.inexact);
+  for (std::size_t i = 0; fit.ends.size() > 1 && i < fit.ends.size(); ++i) {
+    const OrthotropicModuli a = moduli_of(stiffness_of(fit.ends[i].start)),
+                            b = moduli_of(stiffness_of(fit.ends[i].fabric));
+    fmt::print(
+        "  from E_u {:.4g}, E_v {:.4g}, mu {:.4g}, nu {:.3g}, b {:.3g} to {:.5g}, {:.5g}, {:.5g}, "
+        "{:.4g}, {:.4g}: cost {:.6g}, {} iterations\n",
+        a.e_u, a.e_v, a.shear, a.poisson, a.b, b.e_u, b.e_v, b.shear, b.poisson, b.b,
+        fit.ends[i].cost, fit.ends[i].iterations);
+  }
   for (const ParameterInterval& p : fit.intervals) {
     fmt::print("  {:<15} {:>11.5g} {:<4} ", p.name, p.value, p.unit);
     if (p.determined)

@@ -121,13 +121,12 @@ void fit_mechanical_fabric(const Arguments& arguments, const std::string& name) 
   }
 }
 
-/// The shape of a video capture's true surface at its last frame, or at its first where it moves.
+/// The shape of a static video capture's true surface at its last frame.
 void add_rest(const std::filesystem::path& folder, const Arguments& arguments,
               std::vector<std::shared_ptr<const ScanTrial>>& trials) {
   const Capture from = read_capture(folder);
   const TruthSurface truth = read_truth(from);
-  const bool moves = from.frame_count > 10;
-  const int frame = moves ? 0 : from.frame_count - 1;
+  const int frame = from.frame_count - 1;
   ScanCapture capture;
   capture.name = from.name;
   capture.width = from.width;
@@ -180,7 +179,6 @@ void capture_scans(const Arguments& arguments) {
     std::vector<std::shared_ptr<const ScanTrial>> trials;
     const std::filesystem::path folder = arguments.data / "captures";
     add_rest(folder / (name + "_static_1"), arguments, trials);
-    add_rest(folder / (name + "_waving_A"), arguments, trials);
     const Fabric source = continuum(folder / (name + "_static_1") / "truth/parameters.toml");
     OrthotropicModuli wrong = moduli_of(stiffness_of(source));
     wrong.e_u *= 2;

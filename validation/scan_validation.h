@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "weft/estimate/scan_fit.h"
+#include "weft/estimate/scan_synthetic.h"
 
 namespace weft {
 
@@ -35,5 +36,8 @@ void print_targets(const ScanProblem& problem, const Fabric& fabric, const char*
 void mechanical_scans(const Arguments& arguments);
 /// Shapes at rest of the true surfaces of video captures.
 void capture_scans(const Arguments& arguments);
+
+/// Which descriptor separates materials from states, and fits from other states with each.
+void descriptors(const Arguments& arguments);
 
 }  // namespace weft

@@ -48,8 +48,10 @@ void add_distance(nlohmann::json& object, const SurfaceDistance& distance) {
 
 void MechanicalArguments::add_to(CLI::App& command) {
   command
-      .add_option("--cells", cells_,
-                  "mechanical captures: cells of the mesh across the shortest free side")
+      .add_option(
+          "--cells", cells_,
+          "mechanical captures, scans: cells of the mesh across the shortest free side (scans: "
+          "without it the grid that was registered)")
       ->check(CLI::Range(2, 200))
       ->capture_default_str();
 }

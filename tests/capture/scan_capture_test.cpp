@@ -114,6 +114,17 @@ TEST_F(ReadScan, UnsupportedVerticesHaveLessWeight) {
   EXPECT_THAT(refusal(), AllOf(StartsWith("w.csv:5"), HasSubstr("within [0, 1]")));
 }
 
+TEST_F(ReadScan, WeightsOfOneFrameOfSeveral) {
+  std::string weights = "frame,vertex,weight\n";
+  for (int frame = 0; frame < 2; ++frame)
+    for (int i = 0; i < 20; ++i)
+      weights += std::to_string(frame) + "," + std::to_string(i) + (frame ? ",0.5\n" : ",1\n");
+  write("w.csv", weights);
+  replace("capture.toml", "noise = 3e-4", "points = \"hang.pc2\"\nframe = 1\nweights = \"w.csv\"");
+  const ScanCapture capture = read_scan_capture(folder_);
+  EXPECT_EQ(read_scan_shape(capture, capture.targets.front()).weights, VecX::Constant(20, 0.5));
+}
+
 TEST_F(ReadScan, NamesFileLineAndKey) {
   EXPECT_THAT(refusal_with("noise = 3e-4", "noise = 3"),
               AllOf(StartsWith("capture.toml:18"), HasSubstr("noise")));

@@ -219,16 +219,29 @@ void check_on_swatch(const ScanCapture& capture, const TriangleMesh& mesh,
                     lower.x(), lower.y(), upper.x(), upper.y(), capture.width, capture.height));
 }
 
-VecX read_weights(const std::filesystem::path& path, int vertices) {
+/// Rows of one frame, where the table has several, as `weft register` writes them.
+std::vector<std::size_t> rows_of_frame(const TableFile& file, int frame) {
+  std::vector<std::size_t> rows;
+  const bool several = file.has("frame");
+  for (std::size_t row = 0; row < file.row_count(); ++row)
+    if (!several || file.number(row, file.column_index("frame")) == frame) rows.push_back(row);
+  return rows;
+}
+
+VecX read_weights(const std::filesystem::path& path, int frame, int vertices) {
   const TableFile file(path);
-  if (file.row_count() != static_cast<std::size_t>(vertices))
+  const std::vector<std::size_t> rows = rows_of_frame(file, frame);
+  if (rows.size() != static_cast<std::size_t>(vertices))
     throw error_at({path, 0, {}},
-                   fmt::format("{} rows; the grid has {} vertices", file.row_count(), vertices));
-  const VecX weights = file.numbers("weight");
-  for (Eigen::Index i = 0; i < weights.size(); ++i)
+                   fmt::format("{} rows; the grid has {} vertices", rows.size(), vertices));
+  const std::size_t column = file.column_index("weight");
+  VecX weights(vertices);
+  for (Eigen::Index i = 0; i < vertices; ++i) {
+    const std::size_t row = rows[static_cast<std::size_t>(i)];
+    weights[i] = file.number(row, column);
     if (!(weights[i] >= 0 && weights[i] <= 1))
-      throw file.fail(static_cast<std::size_t>(i), "weight",
-                      fmt::format("{:g}; must be within [0, 1]", weights[i]));
+      throw file.fail(row, "weight", fmt::format("{:g}; must be within [0, 1]", weights[i]));
+  }
   return weights;
 }
 
@@ -290,8 +303,8 @@ ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target) 
   check_on_swatch(capture, shape.mesh, target.grid);
   const int vertices = shape.mesh.vertex_count();
   if (!target.points.empty()) shape.x = read_frame(target, vertices);
-  shape.weights =
-      target.weights.empty() ? VecX::Ones(vertices) : read_weights(target.weights, vertices);
+  shape.weights = target.weights.empty() ? VecX::Ones(vertices)
+                                         : read_weights(target.weights, target.frame, vertices);
   if (!target.start.empty()) {
     shape.start = read_obj(target.start).positions;
     if (shape.start->cols() != vertices)

@@ -90,6 +90,12 @@ class StaticSolver final : public EquilibriumSolver {
 
 }  // namespace
 
+StaticOptions static_solver_options() {
+  StaticOptions options;
+  options.max_iterations = 3000;
+  return options;
+}
+
 std::unique_ptr<EquilibriumSolver> make_static_solver(const StaticOptions& options) {
   return std::make_unique<StaticSolver>(options);
 }

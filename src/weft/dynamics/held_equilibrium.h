@@ -50,9 +50,13 @@ class EquilibriumSolver {
 /// Derivatives once the shape is at rest, bending by curvature.
 XpbdOptions xpbd_solver_options();
 
+/// Of a limp cloth, which finds its wrinkles slowly: up to 3000 iterations.
+StaticOptions static_solver_options();
+
 /// Newton's method on the energy (solve_static), derivatives by the implicit function theorem with
 /// the exact Hessian; any elastic model.
-std::unique_ptr<EquilibriumSolver> make_static_solver(const StaticOptions& options = {});
+std::unique_ptr<EquilibriumSolver> make_static_solver(
+    const StaticOptions& options = static_solver_options());
 
 /// XPBD (xpbd.h) with the bending of the model "stvk" (XpbdBending::curvature) unless `options` say
 /// otherwise; their gravity, loads and derivatives are not read. Takes fabrics of model "stvk"

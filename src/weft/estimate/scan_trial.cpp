@@ -221,6 +221,30 @@ void hold(ScanTrial& trial) {
     throw Error(fmt::format("target \"{}\": clamps hold the whole cloth", trial.target.name));
 }
 
+bool equally_spaced(const Lines& lines) {
+  return equally_spaced(lines.u) && equally_spaced(lines.v);
+}
+
+/// The coarser of the scan's grid and the simulated one, if it is an even one; else an even grid of
+/// as many rows and columns as are simulated.
+void set_descriptor_grid(ScanTrial& trial) {
+  DescriptorGrid& grid = trial.grid;
+  const auto scanned = grid_of(trial.shape.mesh);
+  const bool use_scan = scanned && equally_spaced(*scanned) &&
+                        trial.shape.mesh.vertex_count() <= trial.mesh.vertex_count();
+  const Lines lines = use_scan ? *scanned : grid_of(trial.mesh).value();
+  grid.columns = static_cast<int>(lines.u.size());
+  grid.rows = static_cast<int>(lines.v.size());
+  if (equally_spaced(lines)) {
+    grid.mesh = make_swatch(lines.u, lines.v, GridPattern::uniform);
+    return;
+  }
+  const Vec2 lower(lines.u.front(), lines.v.front()), upper(lines.u.back(), lines.v.back());
+  grid.mesh = make_swatch(upper.x() - lower.x(), upper.y() - lower.y(), grid.columns, grid.rows,
+                          GridPattern::uniform);
+  grid.mesh.material.colwise() += lower;
+}
+
 std::shared_ptr<const ScanTrial> prepare_target(const ScanCapture& capture,
                                                 const ScanTarget& target, ScanShape shape,
                                                 const ScanOptions& options) {
@@ -232,20 +256,10 @@ std::shared_ptr<const ScanTrial> prepare_target(const ScanCapture& capture,
   trial->areal_density = capture.areal_density;
   trial->grain_angle = capture.grain_angle;
   trial->mesh = simulated_mesh(capture, target, trial->shape, options);
-  const Lines lines = grid_of(trial->mesh).value();
   hold(*trial);
 
   DescriptorGrid& grid = trial->grid;
-  grid.columns = static_cast<int>(lines.u.size());
-  grid.rows = static_cast<int>(lines.v.size());
-  grid.mesh = trial->mesh;
-  if (!equally_spaced(lines.u) || !equally_spaced(lines.v)) {
-    const Vec2 lower = trial->mesh.material.rowwise().minCoeff(),
-               upper = trial->mesh.material.rowwise().maxCoeff();
-    grid.mesh = make_swatch(upper.x() - lower.x(), upper.y() - lower.y(), grid.columns, grid.rows,
-                            GridPattern::uniform);
-    grid.mesh.material.colwise() += lower;
-  }
+  set_descriptor_grid(*trial);
   const MaterialPoints& uv = grid.mesh.material;
   grid.weights = sampled_weights(trial->shape.mesh, trial->shape.weights, uv);
   trial->sampling = sampling_of(trial->mesh, uv);
