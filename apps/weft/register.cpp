@@ -14,6 +14,7 @@
 #include "weft/base/error.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
+#include "weft/registration/landmarks.h"
 #include "weft/registration/nonrigid_icp.h"
 #include "weft/report/plot.h"
 
@@ -29,6 +30,8 @@ struct Arguments {
   std::string u_axis = "1,0,0", v_axis = "0,0,-1";
   int grid = 41;
   double unit = 1;
+  double stamp = 0;
+  std::string stamp_origin = "0,0";
   RegistrationOptions options;
   bool overwrite = false;
   bool json = false;
@@ -113,6 +116,26 @@ std::vector<RegistrationStart> first_starts(const Arguments& arguments, const Gr
   if (landmarks.size() >= 3) return {{flat_start(grid, landmarks), {}}};
   return flat_starts(grid, scan, geometry, direction("--u-axis", arguments.u_axis),
                      direction("--v-axis", arguments.v_axis));
+}
+
+/// Registers again, twice, with the crossings of the stamped grid; says in `landmarks` how many.
+ScanRegistration follow_stamp(const Arguments& arguments, const GridTemplate& grid,
+                              const Scan& scan, const ScanGeometry& geometry,
+                              ScanRegistration registration, std::size_t& landmarks) {
+  constexpr double texels = 20;  // a pitch
+  const auto origin = numbers_in("--stamp-origin", arguments.stamp_origin, ',', 2);
+  const StampedGrid stamp{arguments.stamp, Vec2(origin[0], origin[1])};
+  for (int round = 0; round < 2; ++round) {
+    const FabricImage image = unwrap_scan(grid, registration.x, scan, arguments.stamp / texels);
+    const auto crossings = find_stamped_grid(grid, registration.x, image, stamp);
+    landmarks = crossings.size();
+    if (crossings.empty()) break;
+    RegistrationOptions options = arguments.options;
+    options.start_error = arguments.stamp;
+    registration = register_scan(grid, scan, geometry, RegistrationStart{registration.x, {}},
+                                 crossings, options);
+  }
+  return registration;
 }
 
 std::string vertex_rows(const GridTemplate& grid, const ScanRegistration& registration, int frame) {
@@ -218,7 +241,9 @@ void run(const Arguments& arguments) {
   std::string vertices = "frame,vertex,u_m,v_m,x_m,y_m,z_m,supported,distance_m,weight\n";
   PointCache cache;
   for (std::size_t k = 0; k < scans.size(); ++k) {
-    const Scan scan = sample_scan(scans[k], cell / 4);
+    const double spacing =
+        arguments.stamp > 0 ? std::min(cell / 4, arguments.stamp / 20) : cell / 4;
+    const Scan scan = sample_scan(scans[k], spacing);
     const ScanGeometry geometry = scan_geometry(scan, 16, arguments.options.threads);
     RegistrationOptions options = arguments.options;
     ScanRegistration registration;
@@ -232,7 +257,13 @@ void run(const Arguments& arguments) {
       registration = register_scan(grid, scan, geometry, {cache.frames.back(), {}}, {}, options);
     }
     const int frame = static_cast<int>(k);
+    std::size_t crossings = 0;
+    if (arguments.stamp > 0) {
+      registration =
+          follow_stamp(arguments, grid, scan, geometry, std::move(registration), crossings);
+    }
     frames.push_back(summary(frame, registration));
+    frames.back()["stamp_crossings"] = crossings;
     if (!arguments.json) print_line(frames.back());
     vertices += vertex_rows(grid, registration, frame);
     if (k == 0) {
@@ -282,6 +313,16 @@ void add_register(CLI::App& app) {
   command->add_option("--landmarks", arguments->landmarks,
                       "points of the fabric on the first scan: a CSV with u_m, v_m, x_m, y_m, z_m "
                       "and perhaps weight; three or more place the sheet");
+  command
+      ->add_option("--stamp", arguments->stamp,
+                   "pitch of dark grid lines stamped on the fabric, m, 0 to 1: their crossings are "
+                   "looked for in the scan's colours; 0: none")
+      ->check(number_in(0, 1))
+      ->capture_default_str();
+  command
+      ->add_option("--stamp-origin", arguments->stamp_origin,
+                   "u,v of a crossing of the stamped grid, m, each 0 to the pitch")
+      ->capture_default_str();
   command
       ->add_option("--u-axis", arguments->u_axis,
                    "where u runs, about, in the scan's axes (without --start and landmarks)")

@@ -18,7 +18,7 @@ TEST_F(Program, EachCommandHasHelpWithAnExample) {
   EXPECT_EQ(help.status, 0);
   EXPECT_EQ(help.err, "");
   for (const std::string command :
-       {"check", "surface", "fit", "simulate", "render", "evaluate", "compare", "landscape",
+       {"check", "surface", "register", "fit", "simulate", "render", "evaluate", "compare", "landscape",
         "variability", "matrix", "synthesize", "fabrics"}) {
     EXPECT_THAT(help.out, HasSubstr("\n  " + command + " ")) << command;
     const Outcome outcome = weft({command, "--help"});

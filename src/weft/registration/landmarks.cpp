@@ -292,10 +292,13 @@ std::vector<Landmark> find_stamped_grid(const GridTemplate& grid, const Points& 
     shift[static_cast<std::size_t>(axis)] =
         static_cast<int>(std::lround(median(std::move(offsets))));
   }
+  const double margin = 0.3 * stamp.pitch;
   for (const Crossing& crossing : crossings) {
     const Vec2 uv = stamp.origin + stamp.pitch * Vec2(crossing.number[0] + shift[0],
                                                       crossing.number[1] + shift[1]);
-    const bool on = uv.minCoeff() >= 0 && uv.x() <= grid.width && uv.y() <= grid.height;
+    // Beside the rim a crossing shows less than all of its arms.
+    const bool on = uv.minCoeff() >= margin && uv.x() <= grid.width - margin &&
+                    uv.y() <= grid.height - margin;
     if (on) landmarks.push_back({uv, position_at(grid, x, crossing.uv), 1});
   }
   return landmarks;

@@ -37,8 +37,9 @@ struct StampedGrid {
 /// 15 degrees of their direction), found to a fraction of a texel. Crossings are numbered from one
 /// to the next, so that the registration may slide by more than a pitch from place to place; of the
 /// whole, the number is taken that moves the median crossing least: it must be right to half a
-/// pitch. Landmarks are where the crossings lie on the registered surface. Throws Error unless the
-/// pitch is at least 6 texels and the origin in range.
+/// pitch. Those nearer than 0.3 pitches to the rim are left out. Landmarks are where the crossings
+/// lie on the registered surface. Throws Error unless the pitch is at least 6 texels and the origin
+/// in range.
 std::vector<Landmark> find_stamped_grid(const GridTemplate& grid, const Points& x,
                                         const FabricImage& image, const StampedGrid& stamp);
 
