@@ -4,6 +4,8 @@
 #include <charconv>
 #include <chrono>
 #include <cmath>
+#include <fstream>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -17,6 +19,7 @@
 #include "weft/registration/landmarks.h"
 #include "weft/registration/nonrigid_icp.h"
 #include "weft/report/plot.h"
+#include "weft/vision/video.h"
 
 namespace weft::app {
 namespace {
@@ -32,6 +35,8 @@ struct Arguments {
   double unit = 1;
   double stamp = 0;
   std::string stamp_origin = "0,0";
+  bool print = false;
+  std::string pictures, camera;
   RegistrationOptions options;
   bool overwrite = false;
   bool json = false;
@@ -138,6 +143,66 @@ ScanRegistration follow_stamp(const Arguments& arguments, const GridTemplate& gr
   return registration;
 }
 
+/// The camera of the pictures: a file of 12 numbers, the rows of a projection.
+Pinhole read_camera(const std::string& path, const Points& in_front) {
+  std::ifstream file(path);
+  Projection projection;
+  for (int k = 0; k < 12; ++k) {
+    if (!(file >> projection(k / 4, k % 4))) {
+      throw error_at({path, 0, {}}, "expected 12 numbers, 3 rows of 4: the projection, m to px");
+    }
+  }
+  return Pinhole(projection, in_front.rowwise().mean(), "--camera");
+}
+
+/// Keeps the grid of a sequence on what the first frame has printed.
+class Print {
+ public:
+  Print(const Arguments& arguments, const GridTemplate& grid, const std::vector<Scan>& scans)
+      : grid_(grid), texel_(std::sqrt(grid.width * grid.height) / texels) {
+    if (arguments.pictures.empty() != arguments.camera.empty()) {
+      throw Error("--pictures and --camera belong together");
+    }
+    if (!arguments.pictures.empty()) {
+      pictures_ = read_frames(arguments.pictures, static_cast<int>(scans.size()));
+      camera_ = read_camera(arguments.camera, scans.front().position);
+    } else if (arguments.print && scans.front().colour.cols() == 0 && !scans.front().texture) {
+      throw Error("--print: the scans have no colours; give --pictures and --camera");
+    }
+    on_ = arguments.print || !pictures_.empty();
+    tracking_.spacing = tracking_.window = 27 * texel_;
+    tracking_.reach = 13 * texel_;
+  }
+
+  double texel() const { return texel_; }
+  bool on() const { return on_; }
+
+  ScanRegistration follow(std::size_t frame, const Scan& scan, const ScanGeometry& geometry,
+                          ScanRegistration registration, const RegistrationOptions& options,
+                          std::size_t& landmarks) {
+    const auto look = [&](const Points& x) {
+      return pictures_.empty() ? unwrap_scan(grid_, x, scan, texel_)
+                               : unwrap_picture(grid_, x, pictures_[frame], camera_, texel_);
+    };
+    if (frame > 0) {
+      return follow_print(grid_, scan, geometry, std::move(registration), reference_, look, options,
+                          tracking_, landmarks);
+    }
+    reference_ = look(registration.x);
+    return registration;
+  }
+
+ private:
+  static constexpr double texels = 370;  // along a side
+  const GridTemplate& grid_;
+  double texel_;
+  bool on_ = false;
+  std::vector<Image> pictures_;
+  Pinhole camera_;
+  FabricImage reference_;
+  TextureTracking tracking_;
+};
+
 std::string vertex_rows(const GridTemplate& grid, const ScanRegistration& registration, int frame) {
   std::string text;
   for (int v = 0; v < grid.mesh.vertex_count(); ++v) {
@@ -237,6 +302,7 @@ void run(const Arguments& arguments) {
 
   const double cell = std::min(grid.cell_u(), grid.cell_v());
   const double size = std::sqrt(grid.width * grid.height);
+  Print print(arguments, grid, scans);
   nlohmann::json frames = nlohmann::json::array();
   std::string vertices = "frame,vertex,u_m,v_m,x_m,y_m,z_m,supported,distance_m,weight\n";
   PointCache cache;
@@ -262,7 +328,12 @@ void run(const Arguments& arguments) {
       registration =
           follow_stamp(arguments, grid, scan, geometry, std::move(registration), crossings);
     }
+    std::size_t tracked = 0;
+    if (print.on()) {
+      registration = print.follow(k, scan, geometry, std::move(registration), options, tracked);
+    }
     frames.push_back(summary(frame, registration));
+    frames.back()["print_landmarks"] = tracked;
     frames.back()["stamp_crossings"] = crossings;
     if (!arguments.json) print_line(frames.back());
     vertices += vertex_rows(grid, registration, frame);
@@ -323,6 +394,15 @@ void add_register(CLI::App& app) {
       ->add_option("--stamp-origin", arguments->stamp_origin,
                    "u,v of a crossing of the stamped grid, m, each 0 to the pitch")
       ->capture_default_str();
+  command->add_flag("--print", arguments->print,
+                    "in a sequence, keep the grid on what the first frame has printed, by the "
+                    "colours of the scans");
+  command->add_option("--pictures", arguments->pictures,
+                      "the same by pictures of the frames: a pattern such as frames/%03d.png");
+  command->add_option(
+      "--camera", arguments->camera,
+      "camera of the pictures: a file with 3 rows of 4 numbers, the projection from "
+      "the scans' axes (m) to px");
   command
       ->add_option("--u-axis", arguments->u_axis,
                    "where u runs, about, in the scan's axes (without --start and landmarks)")
@@ -342,7 +422,7 @@ void add_register(CLI::App& app) {
   command
       ->add_option("--isometry", arguments->options.isometry,
                    "distance that weighs as much as 100 % of strain, m, 0 to 100; 0: 0.5 of the "
-                   "swatch's size, 0.02 with 16 landmarks or more")
+                   "swatch's size, 0.1 with 16 landmarks or more")
       ->check(number_in(0, 100))
       ->capture_default_str();
   command->add_option("--threads", arguments->options.threads, "0: all cores")

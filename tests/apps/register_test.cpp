@@ -65,13 +65,13 @@ TEST_F(Register, WritesTheGridWithWhatItIsWorth) {
 }
 
 TEST_F(Register, FollowsASequenceAndAStampedGrid) {
-  write("scans/0.csv", points(0, 20000));
-  write("scans/1.csv", points(0.01, 20000));
+  write("scans/0.csv", points(0, 12000));
+  write("scans/1.csv", points(0.01, 12000));
   const Outcome outcome = weft({"register", path("scans"), "--swatch", "0.2x0.2", "--grid", "13",
                                 "--out", path("out"), "--stamp", "0.02", "--json"});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   const nlohmann::json result = nlohmann::json::parse(outcome.out);
-  // 9 x 9 lines are inside of the swatch.
+  // 9 x 9 crossings are inside of the swatch.
   EXPECT_GE(result["frames"][1]["stamp_crossings"], 70);
   const PointCache cache = read_pc2(path("out/registered.pc2"));
   ASSERT_EQ(cache.frames.size(), 2u);
@@ -93,6 +93,7 @@ TEST_F(Register, RefusesWhatItCannotUse) {
   EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--u-axis", "0,0,0"}), HasSubstr("--u-axis"));
   EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--reach", "-1"}), HasSubstr("--reach"));
   EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--start", path("none.obj")}), HasSubstr("none.obj"));
+  EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--pictures", "p%d.png"}), HasSubstr("--camera"));
   write("marks.csv", "u_m,v_m,x_m,y_m\n0,0,0,0\n");
   EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--landmarks", path("marks.csv")}), HasSubstr("z_m"));
 }
