@@ -1,6 +1,6 @@
 /// Registration against what others measured or simulated.
 ///
-///   weft_validate_registration truth OUT CAPTURE...          true surfaces as noisy clouds
+///   weft_validate_registration truth OUT FRAMES CAPTURE...   true surfaces as noisy clouds
 ///   weft_validate_registration video OUT CLOUDS UNIT START SIDE PICTURES CAMERA
 ///   weft_validate_registration partial OUT CLOUDS UNIT START SIDE
 ///
@@ -77,17 +77,18 @@ Scan cloud_of(const TriangleMesh& mesh, const MaterialLocator& locator, const Po
   return scan;
 }
 
-void validate_truth(const fs::path& out, const std::vector<std::string>& captures) {
+void validate_truth(const fs::path& out, const std::vector<std::string>& words) {
   std::ofstream table(out / "truth.csv");
   table
       << "capture,frame,same_point_mean_m,same_point_max_m,off_surface_mean_m,inliers,strain_rms\n";
-  for (const std::string& folder : captures) {
+  const int most = std::stoi(words.at(0));
+  for (const std::string& folder : std::vector(words.begin() + 1, words.end())) {
     const Capture capture = read_capture(folder);
     const TruthSurface truth = read_truth(capture);
     const MaterialLocator locator(truth.mesh);
     const GridTemplate grid = make_grid_template(capture.width, capture.height, 41, 41);
     Points x;
-    const int frames = std::min<int>(capture.frame_count, 16);
+    const int frames = std::min(capture.frame_count, most);
     std::vector<double> means, offs;
     double first = 0;
     for (int frame = 0; frame < frames; ++frame) {
@@ -172,7 +173,11 @@ class VideoStudy {
  public:
   VideoStudy(const GridTemplate& grid, std::vector<Image> pictures, Pinhole camera)
       : grid_(grid), pictures_(std::move(pictures)), camera_(std::move(camera)) {
-    // What is compared lies between what the landmarks came from.
+    // What is compared lies between what the landmarks come from: the windows have no texel in
+    // common.
+    track_.window = 0.024;
+    judge_.window = 0.014;
+    judge_.reach = 0.012;
     judge_.offset = Vec2(judge_.spacing / 2, judge_.spacing / 2);
   }
 
@@ -194,15 +199,10 @@ class VideoStudy {
           register_scan(grid_, parts.used, geometry, RegistrationStart{x, {}}, {}, options);
       if (k == 0) reference_ = unwrap(frame.registration.x, 0);
       if (with_print && k > 0) {
-        // Softer along itself: the print says where it is.
-        options.isometry = 0.1 * grid_.width;
-        for (int round = 0; round < 2; ++round) {
-          const Points& last = frame.registration.x;
-          const auto landmarks =
-              landmarks_of(grid_, last, track_texture(reference_, unwrap(last, k), track_));
-          frame.registration = register_scan(grid_, parts.used, geometry,
-                                             RegistrationStart{last, {}}, landmarks, options);
-        }
+        std::size_t landmarks = 0;
+        frame.registration = follow_print(
+            grid_, parts.used, geometry, std::move(frame.registration), reference_,
+            [&](const Points& at) { return unwrap(at, k); }, options, track_, landmarks);
       }
       x = frame.registration.x;
       frame.held = held_distance(grid_, x, parts.held);

@@ -4,6 +4,8 @@
 #include <charconv>
 #include <chrono>
 #include <cmath>
+#include <fstream>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -14,8 +16,10 @@
 #include "weft/base/error.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
+#include "weft/registration/landmarks.h"
 #include "weft/registration/nonrigid_icp.h"
 #include "weft/report/plot.h"
+#include "weft/vision/video.h"
 
 namespace weft::app {
 namespace {
@@ -29,6 +33,10 @@ struct Arguments {
   std::string u_axis = "1,0,0", v_axis = "0,0,-1";
   int grid = 41;
   double unit = 1;
+  double stamp = 0;
+  std::string stamp_origin = "0,0";
+  bool print = false;
+  std::string pictures, camera;
   RegistrationOptions options;
   bool overwrite = false;
   bool json = false;
@@ -114,6 +122,86 @@ std::vector<RegistrationStart> first_starts(const Arguments& arguments, const Gr
   return flat_starts(grid, scan, geometry, direction("--u-axis", arguments.u_axis),
                      direction("--v-axis", arguments.v_axis));
 }
+
+/// Registers again, twice, with the crossings of the stamped grid; says in `landmarks` how many.
+ScanRegistration follow_stamp(const Arguments& arguments, const GridTemplate& grid,
+                              const Scan& scan, const ScanGeometry& geometry,
+                              ScanRegistration registration, std::size_t& landmarks) {
+  constexpr double texels = 20;  // a pitch
+  const auto origin = numbers_in("--stamp-origin", arguments.stamp_origin, ',', 2);
+  const StampedGrid stamp{arguments.stamp, Vec2(origin[0], origin[1])};
+  for (int round = 0; round < 2; ++round) {
+    const FabricImage image = unwrap_scan(grid, registration.x, scan, arguments.stamp / texels);
+    const auto crossings = find_stamped_grid(grid, registration.x, image, stamp);
+    landmarks = crossings.size();
+    if (crossings.empty()) break;
+    RegistrationOptions options = arguments.options;
+    options.start_error = arguments.stamp;
+    registration = register_scan(grid, scan, geometry, RegistrationStart{registration.x, {}},
+                                 crossings, options);
+  }
+  return registration;
+}
+
+/// The camera of the pictures: a file of 12 numbers, the rows of a projection.
+Pinhole read_camera(const std::string& path, const Points& in_front) {
+  std::ifstream file(path);
+  Projection projection;
+  for (int k = 0; k < 12; ++k) {
+    if (!(file >> projection(k / 4, k % 4))) {
+      throw error_at({path, 0, {}}, "expected 12 numbers, 3 rows of 4: the projection, m to px");
+    }
+  }
+  return Pinhole(projection, in_front.rowwise().mean(), "--camera");
+}
+
+/// Keeps the grid of a sequence on what the first frame has printed.
+class Print {
+ public:
+  Print(const Arguments& arguments, const GridTemplate& grid, const std::vector<Scan>& scans)
+      : grid_(grid), texel_(std::sqrt(grid.width * grid.height) / texels) {
+    if (arguments.pictures.empty() != arguments.camera.empty()) {
+      throw Error("--pictures and --camera belong together");
+    }
+    if (!arguments.pictures.empty()) {
+      pictures_ = read_frames(arguments.pictures, static_cast<int>(scans.size()));
+      camera_ = read_camera(arguments.camera, scans.front().position);
+    } else if (arguments.print && scans.front().colour.cols() == 0 && !scans.front().texture) {
+      throw Error("--print: the scans have no colours; give --pictures and --camera");
+    }
+    on_ = arguments.print || !pictures_.empty();
+    tracking_.spacing = tracking_.window = 27 * texel_;
+    tracking_.reach = 13 * texel_;
+  }
+
+  double texel() const { return texel_; }
+  bool on() const { return on_; }
+
+  ScanRegistration follow(std::size_t frame, const Scan& scan, const ScanGeometry& geometry,
+                          ScanRegistration registration, const RegistrationOptions& options,
+                          std::size_t& landmarks) {
+    const auto look = [&](const Points& x) {
+      return pictures_.empty() ? unwrap_scan(grid_, x, scan, texel_)
+                               : unwrap_picture(grid_, x, pictures_[frame], camera_, texel_);
+    };
+    if (frame > 0) {
+      return follow_print(grid_, scan, geometry, std::move(registration), reference_, look, options,
+                          tracking_, landmarks);
+    }
+    reference_ = look(registration.x);
+    return registration;
+  }
+
+ private:
+  static constexpr double texels = 370;  // along a side
+  const GridTemplate& grid_;
+  double texel_;
+  bool on_ = false;
+  std::vector<Image> pictures_;
+  Pinhole camera_;
+  FabricImage reference_;
+  TextureTracking tracking_;
+};
 
 std::string vertex_rows(const GridTemplate& grid, const ScanRegistration& registration, int frame) {
   std::string text;
@@ -214,11 +302,14 @@ void run(const Arguments& arguments) {
 
   const double cell = std::min(grid.cell_u(), grid.cell_v());
   const double size = std::sqrt(grid.width * grid.height);
+  Print print(arguments, grid, scans);
   nlohmann::json frames = nlohmann::json::array();
   std::string vertices = "frame,vertex,u_m,v_m,x_m,y_m,z_m,supported,distance_m,weight\n";
   PointCache cache;
   for (std::size_t k = 0; k < scans.size(); ++k) {
-    const Scan scan = sample_scan(scans[k], cell / 4);
+    const double spacing =
+        arguments.stamp > 0 ? std::min(cell / 4, arguments.stamp / 20) : cell / 4;
+    const Scan scan = sample_scan(scans[k], spacing);
     const ScanGeometry geometry = scan_geometry(scan, 16, arguments.options.threads);
     RegistrationOptions options = arguments.options;
     ScanRegistration registration;
@@ -232,7 +323,18 @@ void run(const Arguments& arguments) {
       registration = register_scan(grid, scan, geometry, {cache.frames.back(), {}}, {}, options);
     }
     const int frame = static_cast<int>(k);
+    std::size_t crossings = 0;
+    if (arguments.stamp > 0) {
+      registration =
+          follow_stamp(arguments, grid, scan, geometry, std::move(registration), crossings);
+    }
+    std::size_t tracked = 0;
+    if (print.on()) {
+      registration = print.follow(k, scan, geometry, std::move(registration), options, tracked);
+    }
     frames.push_back(summary(frame, registration));
+    frames.back()["print_landmarks"] = tracked;
+    frames.back()["stamp_crossings"] = crossings;
     if (!arguments.json) print_line(frames.back());
     vertices += vertex_rows(grid, registration, frame);
     if (k == 0) {
@@ -283,6 +385,25 @@ void add_register(CLI::App& app) {
                       "points of the fabric on the first scan: a CSV with u_m, v_m, x_m, y_m, z_m "
                       "and perhaps weight; three or more place the sheet");
   command
+      ->add_option("--stamp", arguments->stamp,
+                   "pitch of dark grid lines stamped on the fabric, m, 0 to 1: their crossings are "
+                   "looked for in the scan's colours; 0: none")
+      ->check(number_in(0, 1))
+      ->capture_default_str();
+  command
+      ->add_option("--stamp-origin", arguments->stamp_origin,
+                   "u,v of a crossing of the stamped grid, m, each 0 to the pitch")
+      ->capture_default_str();
+  command->add_flag("--print", arguments->print,
+                    "in a sequence, keep the grid on what the first frame has printed, by the "
+                    "colours of the scans");
+  command->add_option("--pictures", arguments->pictures,
+                      "the same by pictures of the frames: a pattern such as frames/%03d.png");
+  command->add_option(
+      "--camera", arguments->camera,
+      "camera of the pictures: a file with 3 rows of 4 numbers, the projection from "
+      "the scans' axes (m) to px");
+  command
       ->add_option("--u-axis", arguments->u_axis,
                    "where u runs, about, in the scan's axes (without --start and landmarks)")
       ->capture_default_str();
@@ -301,7 +422,7 @@ void add_register(CLI::App& app) {
   command
       ->add_option("--isometry", arguments->options.isometry,
                    "distance that weighs as much as 100 % of strain, m, 0 to 100; 0: 0.5 of the "
-                   "swatch's size, 0.02 with 16 landmarks or more")
+                   "swatch's size, 0.1 with 16 landmarks or more")
       ->check(number_in(0, 100))
       ->capture_default_str();
   command->add_option("--threads", arguments->options.threads, "0: all cores")

@@ -18,8 +18,9 @@ TEST_F(Program, EachCommandHasHelpWithAnExample) {
   EXPECT_EQ(help.status, 0);
   EXPECT_EQ(help.err, "");
   for (const std::string command :
-       {"check", "surface", "fit", "simulate", "render", "evaluate", "compare", "landscape",
-        "variability", "matrix", "synthesize", "fabrics", "cantilever", "cusick"}) {
+       {"check", "surface", "register", "fit", "simulate", "render", "evaluate", "compare",
+        "landscape", "variability", "posterior", "suggest", "matrix", "synthesize", "fabrics",
+        "cantilever", "cusick"}) {
     EXPECT_THAT(help.out, HasSubstr("\n  " + command + " ")) << command;
     const Outcome outcome = weft({command, "--help"});
     EXPECT_EQ(outcome.status, 0) << command;

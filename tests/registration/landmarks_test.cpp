@@ -72,7 +72,8 @@ TEST(StampedGrid, BringsTheFabricToWhereItIs) {
       mean += error / static_cast<double>(landmarks.size());
       worst = std::max(worst, error);
     }
-    // A texel is 1 mm, points are 1.2 mm apart, a line is 2 mm wide; a crossing beside the rim shows less of its arms.
+    // A texel is 1 mm, points are 1.2 mm apart, a line is 2 mm wide; a crossing beside the rim
+    // shows less of its arms.
     EXPECT_LT(mean, 0.0006);
     EXPECT_LT(worst, 0.002);
     registration = register_scan(grid, scan, geometry, RegistrationStart{registration.x, {}},
@@ -139,6 +140,36 @@ TEST(TrackTexture, MeasuresHowFarAGridSlid) {
   for (const Landmark& landmark : landmarks_of(grid, slid, shifts)) {
     EXPECT_LT((landmark.position - surface(landmark.uv)).norm(), 0.0004);
   }
+}
+
+// The scan alone says where the surface is, but a cylinder may turn under the grid; with the rims
+// cut off the scan nothing holds it. The print does.
+TEST(FollowPrint, UndoesASlide) {
+  const GridTemplate grid = make_grid_template(kSide, kSide, 17, 17);
+  const Surface surface = cylinder(0.2, 0.4, kSide, kSide);
+  Scan scan = coloured(surface, 30000, 0.0001, print);
+  std::vector<int> inner;
+  for (int k = 0; k < scan.size(); ++k) {
+    const Vec3 p = scan.position.col(k);
+    if (std::abs(p.x()) < 0.09 && std::abs(p.z()) < 0.09) inner.push_back(k);
+  }
+  scan.position = Points(scan.position(Eigen::all, inner));
+  scan.colour = Eigen::Matrix3Xf(scan.colour(Eigen::all, inner));
+  const ScanGeometry geometry = scan_geometry(scan);
+  const FabricImage reference =
+      unwrap_scan(grid, sampled(surface, grid.mesh.material), scan, 0.001);
+  const Vec2 slide(0.004, -0.003);
+  const RegistrationStart slid{sampled(surface, grid.mesh.material.colwise() + slide), {}};
+  const RegistrationOptions options{.start_error = 0.01};
+  ScanRegistration registration = register_scan(grid, scan, geometry, slid, {}, options);
+  std::size_t landmarks = 0;
+  EXPECT_GT(error_of(grid, registration.x, surface).same_point, 0.003);
+  registration = follow_print(
+      grid, scan, geometry, std::move(registration), reference,
+      [&](const Points& x) { return unwrap_scan(grid, x, scan, 0.001); }, options,
+      {.spacing = 0.03, .window = 0.03, .reach = 0.01}, landmarks);
+  EXPECT_GE(landmarks, 9u);
+  EXPECT_LT(error_of(grid, registration.x, surface).same_point, 0.0006);
 }
 
 }  // namespace

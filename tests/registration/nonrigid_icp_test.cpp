@@ -130,9 +130,10 @@ TEST(NonrigidIcp, FollowsLandmarksOfStretchedCloth) {
   const ScanRegistration with =
       register_scan(grid, scan, scan_geometry(scan),
                     RegistrationStart{flat_start(grid, landmarks), {}}, landmarks);
-  EXPECT_LT(error_of(grid, with.x, surface).same_point, 0.3e-3);
+  const double same_point = error_of(grid, with.x, surface).same_point;
+  EXPECT_LT(same_point, 1e-3);
   // Without them the rim alone has to stretch the sheet, by 16 mm.
-  EXPECT_GT(error_of(grid, from_flat(grid, scan).x, surface).same_point, 1e-3);
+  EXPECT_GT(error_of(grid, from_flat(grid, scan).x, surface).same_point, 3 * same_point);
 }
 
 TEST(NonrigidIcp, DoesNotDependOnTheNumberOfThreads) {

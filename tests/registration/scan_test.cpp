@@ -13,6 +13,7 @@
 #include "weft/base/random.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/point_tree.h"
+#include "weft/vision/video.h"
 
 namespace weft {
 namespace {
@@ -92,6 +93,29 @@ TEST_F(ScanFile, ReadsWhatThisProgramWrites) {
     EXPECT_EQ(scan.triangles, mesh.triangles);
     EXPECT_LT((scan.position - x).norm(), 1e-7);
   }
+}
+
+TEST_F(ScanFile, ReadsTheTextureOfAnObj) {
+  // Two pixels, left black, right white.
+  Image picture(1, 2);
+  picture << 0, 1;
+  write_png(folder_.path() / "skin.png", picture);
+  write("a.mtl", "newmtl skin\nmap_Kd skin.png\n");
+  const auto path = write("a.obj",
+                          "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0.25 0.5\n"
+                          "vt 0.75 0.5\nf 1/1 2/2 3/2 4/1\n");
+  const Scan scan = read_scan(path);
+  ASSERT_TRUE(scan.texture);
+  const Scan sampled = sample_scan(scan, 0.1);
+  ASSERT_EQ(sampled.colour.cols(), sampled.size());
+  // From the middle of one pixel to that of the other the grey rises as x does.
+  for (int k = 0; k < sampled.size(); ++k) {
+    EXPECT_NEAR(sampled.colour(1, k), sampled.position(0, k), 1e-5);
+  }
+  write("a.mtl", "map_Kd skin.png\nmap_Kd other.png\n");
+  EXPECT_THAT(refusal(path), HasSubstr("a.mtl:2"));
+  const Scan painted = read_scan(write("b.obj", "v 0 0 0 255 0 51\nv 1 0 0 0 255 0\n"));
+  EXPECT_FLOAT_EQ(painted.colour(2, 0), 0.2f);
 }
 
 TEST_F(ScanFile, ReadsPointLists) {

@@ -199,6 +199,41 @@ Vec2 refine(const Image& response, Eigen::Index row, Eigen::Index column) {
   return {static_cast<double>(column) + 0.5 + x, static_cast<double>(row) + 0.5 + y};
 }
 
+/// Where the dark line through (row, column) is, across it: the centre of the darker half of the
+/// profile, which is averaged along 0.8 of a pitch. In texels from the middle of the texel.
+double line_offset(const FabricImage& image, Eigen::Index row, Eigen::Index column, int step,
+                   bool along_u) {
+  const int across = step / 4, along = 2 * step / 5;
+  std::vector<double> profile;
+  for (int d = -across; d <= across; ++d) {
+    double sum = 0;
+    int count = 0;
+    for (int t = -along; t <= along; ++t) {
+      const Eigen::Index i = row + (along_u ? d : t), j = column + (along_u ? t : d);
+      if (i < 0 || j < 0 || i >= image.grey.rows() || j >= image.grey.cols()) continue;
+      if (!image.seen(i, j)) continue;
+      sum += static_cast<double>(image.grey(i, j));
+      ++count;
+    }
+    profile.push_back(count > 0 ? sum / count : std::numeric_limits<double>::infinity());
+  }
+  const auto finite = [](double a) { return std::isfinite(a); };
+  double light = -std::numeric_limits<double>::infinity(), dark = -light;
+  for (const double grey : profile) {
+    if (!finite(grey)) continue;
+    light = std::max(light, grey);
+    dark = std::min(dark, grey);
+  }
+  double sum = 0, weights = 0;
+  for (int d = -across; d <= across; ++d) {
+    const double grey = profile[static_cast<std::size_t>(d + across)];
+    const double weight = finite(grey) ? std::max(0.0, (light + dark) / 2 - grey) : 0.0;
+    sum += weight * d;
+    weights += weight;
+  }
+  return weights > 0 ? sum / weights : 0;
+}
+
 std::vector<Crossing> find_crossings(const FabricImage& image, double pitch) {
   const int step = static_cast<int>(std::lround(pitch / image.texel));
   const int length = std::max(1, step / 4), beside = std::max(2, step / 4);
@@ -219,7 +254,9 @@ std::vector<Crossing> find_crossings(const FabricImage& image, double pitch) {
       const auto block = response.block(i0, j0, std::min(response.rows(), i + reach + 1) - i0,
                                         std::min(response.cols(), j + reach + 1) - j0);
       if (response(i, j) < block.maxCoeff()) continue;
-      all.push_back({image.texel * refine(response, i, j), response(i, j), {}, false});
+      const Vec2 middle(static_cast<double>(j) + 0.5 + line_offset(image, i, j, step, false),
+                        static_cast<double>(i) + 0.5 + line_offset(image, i, j, step, true));
+      all.push_back({image.texel * middle, response(i, j), {}, false});
     }
   }
   if (all.empty()) return all;
@@ -268,6 +305,28 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+/// Leaves out crossings that lie off the middle of their neighbours by more than 0.15 pitches, and
+/// those without two neighbours.
+void keep_regular(std::vector<Crossing>& crossings, double pitch) {
+  constexpr double tolerance = 0.15;
+  std::vector<char> regular;
+  for (const Crossing& here : crossings) {
+    std::array<std::vector<double>, 2> offsets;
+    for (const Crossing& other : crossings) {
+      const int du = other.number[0] - here.number[0], dv = other.number[1] - here.number[1];
+      if (std::abs(du) > 1 || std::abs(dv) > 1) continue;
+      const Vec2 offset = other.uv - here.uv - pitch * Vec2(du, dv);
+      for (std::size_t axis = 0; axis < 2; ++axis) {
+        offsets[axis].push_back(offset[static_cast<Eigen::Index>(axis)]);
+      }
+    }
+    const bool near = std::hypot(median(offsets[0]), median(offsets[1])) < tolerance * pitch;
+    regular.push_back(near && offsets[0].size() > 2);
+  }
+  std::size_t k = 0;
+  std::erase_if(crossings, [&](const Crossing&) { return !regular[k++]; });
+}
+
 }  // namespace
 
 std::vector<Landmark> find_stamped_grid(const GridTemplate& grid, const Points& x,
@@ -279,7 +338,8 @@ std::vector<Landmark> find_stamped_grid(const GridTemplate& grid, const Points& 
   if (!(stamp.origin.minCoeff() >= 0 && stamp.origin.maxCoeff() < stamp.pitch)) {
     throw Error("the origin of a stamped grid must be in [0, pitch)");
   }
-  const auto crossings = number_crossings(find_crossings(image, stamp.pitch), stamp.pitch);
+  auto crossings = number_crossings(find_crossings(image, stamp.pitch), stamp.pitch);
+  keep_regular(crossings, stamp.pitch);
   std::vector<Landmark> landmarks;
   if (crossings.empty()) return landmarks;
   std::array<int, 2> shift{};
@@ -292,10 +352,13 @@ std::vector<Landmark> find_stamped_grid(const GridTemplate& grid, const Points& 
     shift[static_cast<std::size_t>(axis)] =
         static_cast<int>(std::lround(median(std::move(offsets))));
   }
+  const double margin = 0.3 * stamp.pitch;
   for (const Crossing& crossing : crossings) {
     const Vec2 uv = stamp.origin + stamp.pitch * Vec2(crossing.number[0] + shift[0],
                                                       crossing.number[1] + shift[1]);
-    const bool on = uv.minCoeff() >= 0 && uv.x() <= grid.width && uv.y() <= grid.height;
+    // Beside the rim a crossing shows less than all of its arms.
+    const bool on =
+        uv.minCoeff() >= margin && uv.x() <= grid.width - margin && uv.y() <= grid.height - margin;
     if (on) landmarks.push_back({uv, position_at(grid, x, crossing.uv), 1});
   }
   return landmarks;
@@ -358,6 +421,22 @@ std::vector<Landmark> landmarks_of(const GridTemplate& grid, const Points& x,
     landmarks.push_back({shift.uv, position_at(grid, x, shift.uv + shift.shift), 1});
   }
   return landmarks;
+}
+
+ScanRegistration follow_print(const GridTemplate& grid, const Scan& scan,
+                              const ScanGeometry& geometry, ScanRegistration registration,
+                              const FabricImage& reference,
+                              const std::function<FabricImage(const Points&)>& look,
+                              const RegistrationOptions& options, const TextureTracking& tracking,
+                              std::size_t& landmarks) {
+  for (int round = 0; round < 2; ++round) {
+    const Points& x = registration.x;
+    const auto found = landmarks_of(grid, x, track_texture(reference, look(x), tracking));
+    landmarks = found.size();
+    if (found.empty()) break;
+    registration = register_scan(grid, scan, geometry, RegistrationStart{x, {}}, found, options);
+  }
+  return registration;
 }
 
 }  // namespace weft

@@ -1,6 +1,7 @@
 #pragma once
 /// Landmarks from what is printed on the fabric: it is looked at over (u, v), through a
 /// registration that may still slide.
+#include <functional>
 #include <vector>
 
 #include "weft/optics/pinhole.h"
@@ -37,8 +38,10 @@ struct StampedGrid {
 /// 15 degrees of their direction), found to a fraction of a texel. Crossings are numbered from one
 /// to the next, so that the registration may slide by more than a pitch from place to place; of the
 /// whole, the number is taken that moves the median crossing least: it must be right to half a
-/// pitch. Landmarks are where the crossings lie on the registered surface. Throws Error unless the
-/// pitch is at least 6 texels and the origin in range.
+/// pitch. Those nearer than 0.3 pitches to the rim are left out, and those more than 0.15
+/// pitches off the middle of their neighbours. Landmarks are where the crossings
+/// lie on the registered surface. Throws Error unless the pitch is at least 6 texels and the origin
+/// in range.
 std::vector<Landmark> find_stamped_grid(const GridTemplate& grid, const Points& x,
                                         const FabricImage& image, const StampedGrid& stamp);
 
@@ -63,5 +66,16 @@ std::vector<TextureShift> track_texture(const FabricImage& reference, const Fabr
 /// The landmarks that undo the shifts: where the registered surface has uv + shift.
 std::vector<Landmark> landmarks_of(const GridTemplate& grid, const Points& x,
                                    const std::vector<TextureShift>& shifts);
+
+/// Registers again, twice, with landmarks that bring what `look` shows of the fabric to where
+/// `reference` has it. `look`: what the fabric shows through a registration of this scan. Where
+/// options.isometry is 0, 0.1 of the root of the swatch's area is taken: lengths still even out
+/// what single landmarks say. `landmarks`: how many the last round had.
+ScanRegistration follow_print(const GridTemplate& grid, const Scan& scan,
+                              const ScanGeometry& geometry, ScanRegistration registration,
+                              const FabricImage& reference,
+                              const std::function<FabricImage(const Points&)>& look,
+                              const RegistrationOptions& options, const TextureTracking& tracking,
+                              std::size_t& landmarks);
 
 }  // namespace weft

@@ -25,6 +25,9 @@ constexpr int kNearVertices = 3;
 constexpr double kLandmarkWeight = 20;
 // A robust weight below this is none.
 constexpr double kLeastPull = 0.01;
+// Damping against the points of a cell: what neither points nor rim hold, such as a sheet that turns
+// on a cylinder, must not run away by their noise.
+constexpr double kLeastDamping = 1e-3;
 // The reach at the end, in standard deviations of the inliers.
 constexpr double kReachOverScatter = 4;
 // Strain that curvature may explain.
@@ -33,6 +36,8 @@ constexpr int kCoarseRounds = 30, kLastRounds = 24;
 constexpr double kCoarseStill = 0.01;  // of the reach
 // Pull of a rim vertex against the points of a cell. Where the points end is known to a fraction of
 // their spacing only; what is needed at last is that the sheet does not slide.
+// The reach of the rim is at least this many distances between points.
+constexpr double kRimReach = 3;
 constexpr double kFineRim = 0.05, kLastRim = 0.01;
 constexpr double kCoarseCosine = 0.5;
 // In the last steps the reach falls by at most this a step.
@@ -389,7 +394,7 @@ std::vector<Stage> GridIcp::stages() const {
   const bool fixed = landmark_pulls_.size() >= 16;
   const double start = options_.start_error > 0 ? options_.start_error : 0.15 * size;
   const double smoothing = options_.smoothing > 0 ? options_.smoothing : 0.5 * cell_;
-  const double isometry = options_.isometry > 0 ? options_.isometry : (fixed ? 0.02 : 0.5) * size;
+  const double isometry = options_.isometry > 0 ? options_.isometry : (fixed ? 0.1 : 0.5) * size;
   std::vector<Stage> stages;
   const double finest = std::max(0.5 * cell_, 2 * options_.least_reach);
   for (double reach = start; reach > finest; reach /= 2) {
@@ -515,7 +520,7 @@ void GridIcp::draw_rim(const Points& x, const Stage& stage) {
   // the second one is less moved by an outlier than the first.
   constexpr std::size_t rank = 2;
   constexpr std::size_t fewest = 4;
-  const double reach = std::max(stage.reach, cell_);
+  const double reach = std::max(stage.reach, kRimReach * std::sqrt(usual_area_));
   const double share = stage.coarse ? 1 : stage.last ? kLastRim : kFineRim;
   collect_beyond(x, 2 * reach);
   for (std::size_t side = 0; side < 4; ++side) {
@@ -525,6 +530,9 @@ void GridIcp::draw_rim(const Points& x, const Stage& stage) {
       std::nth_element(rim.beyond.begin(), rim.beyond.begin() + (rank - 1), rim.beyond.end(),
                        std::greater<>());
       const double end = rim.beyond[rank - 1] + static_cast<double>(rank) * usual_area_ / width;
+      // The edge of a view looks like a rim: a sheet that is not yet where it belongs is not drawn
+      // in.
+      if (stage.coarse && end < 0) continue;
       const double weight = share * robust_weight(end, reach) * cell_ * cell_;
       const Vec3 along = (x.col(rim.after) - x.col(rim.before)).normalized();
       Vec3 out = x.col(rim.vertex) - x.col(rim.inner);
@@ -719,7 +727,7 @@ double GridIcp::step(Points& x, const Stage& stage) {
       trial_ = x - trial_;
       if (energy(trial_, stage) <= before) {
         x.swap(trial_);
-        damping_ = std::max(damping_ / 3, 1e-5);
+        damping_ = std::max(damping_ / 3, kLeastDamping);
         return length;
       }
     }

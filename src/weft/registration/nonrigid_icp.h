@@ -35,7 +35,7 @@ struct RegistrationOptions {
   /// of a cell.
   double smoothing = 0;
   /// m, > 0: a strain e costs as much as a distance e times this between surface and scan; 0 takes
-  /// half of the root of the swatch's area, or 0.02 of it where at least 16 landmarks fix the
+  /// half of the root of the swatch's area, or 0.1 of it where at least 16 landmarks fix the
   /// surface in itself.
   double isometry = 0;
   /// m, >= 0: points nearer than this keep at least a quarter of their pull, whatever the others'

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "weft/base/parallel.h"
 #include "weft/registration/point_tree.h"
@@ -23,22 +24,42 @@ double longest_edge(const Scan& scan, const std::array<int, 3>& t) {
 
 }  // namespace
 
+Eigen::Vector3f ScanTexture::at(const Vec2& st) const {
+  const double x = st.x() * width - 0.5, y = (1 - st.y()) * height - 0.5;
+  const auto wrapped = [](double index, int count) {
+    const auto k = static_cast<std::int64_t>(std::floor(index)) % count;
+    return static_cast<int>(k < 0 ? k + count : k);
+  };
+  const auto pixel = [&](double column, double row) -> Eigen::Vector3f {
+    return pixels.col(wrapped(row, height) * width + wrapped(column, width));
+  };
+  const auto f = static_cast<float>(x - std::floor(x)), g = static_cast<float>(y - std::floor(y));
+  return (1 - g) * ((1 - f) * pixel(x, y) + f * pixel(x + 1, y)) +
+         g * ((1 - f) * pixel(x, y + 1) + f * pixel(x + 1, y + 1));
+}
+
 Scan sample_scan(const Scan& scan, double spacing) {
   if (scan.triangles.empty()) return scan;
   Scan sampled;
   std::vector<Vec3> position;
   std::vector<Eigen::Vector3f> colour;
-  const bool coloured = scan.colour.cols() > 0;
+  const bool coloured = scan.colour.cols() > 0 || scan.texture;
   std::vector<char> used(static_cast<std::size_t>(scan.size()), 0);
+  std::size_t triangle = 0;
   const auto add = [&](const std::array<int, 3>& t, const Vec3& w) {
     position.push_back(w[0] * scan.position.col(t[0]) + w[1] * scan.position.col(t[1]) +
                        w[2] * scan.position.col(t[2]));
     if (!coloured) return;
+    if (scan.texture) {
+      const auto& [a, b, c] = scan.texture->corners[triangle];
+      return colour.push_back(scan.texture->at(w[0] * a + w[1] * b + w[2] * c));
+    }
     const Eigen::Vector3f f = w.cast<float>();
     colour.push_back(f[0] * scan.colour.col(t[0]) + f[1] * scan.colour.col(t[1]) +
                      f[2] * scan.colour.col(t[2]));
   };
-  for (const auto& t : scan.triangles) {
+  for (triangle = 0; triangle < scan.triangles.size(); ++triangle) {
+    const auto& t = scan.triangles[triangle];
     for (std::size_t k = 0; k < 3; ++k) {
       char& vertex_used = used[static_cast<std::size_t>(t[k])];
       if (!vertex_used) add(t, Vec3::Unit(static_cast<Eigen::Index>(k)));

@@ -10,17 +10,30 @@
 
 namespace weft {
 
+/// A picture on a mesh, as photogrammetry makes it.
+struct ScanTexture {
+  int width = 0, height = 0;  ///< px
+  Eigen::Matrix3Xf pixels;  ///< row by row from the top: red, green, blue, 0 to 1 as stored (sRGB)
+  /// (s, t) of each triangle's corners: s to the right, t upwards, the picture is [0, 1] x [0, 1].
+  std::vector<std::array<Vec2, 3>> corners;
+
+  /// Bilinear; repeated beyond the picture.
+  Eigen::Vector3f at(const Vec2& st) const;
+};
+
 /// A measured surface. `triangles` is empty for a cloud; `colour` where the file has none.
 struct Scan {
   Points position;          ///< 3 x n, m
   Eigen::Matrix3Xf colour;  ///< 3 x n or empty; red, green, blue, 0 to 1 as stored (sRGB)
   std::vector<std::array<int, 3>> triangles;
+  std::optional<ScanTexture> texture;
 
   int size() const { return static_cast<int>(position.cols()); }
 };
 
 /// Reads a scan by its ending (docs/formats.md): `.ply` (ascii or binary, vertices with x, y, z and
-/// perhaps red, green, blue; faces are fanned into triangles), `.obj`, or a list of points, `.xyz`,
+/// perhaps red, green, blue; faces are fanned into triangles), `.obj` (with r g b behind x y z, or
+/// the picture that its material names as map_Kd, if any), or a list of points, `.xyz`,
 /// `.txt`, `.pts` or `.csv` (three numbers a line, or six with the colour, 0 to 255 or 0 to 1; a
 /// header line and lines that begin with # are skipped). Positions are multiplied by `unit`, m.
 /// Throws Error for a file that cannot be read, of another ending, cut short, with a position that
@@ -35,7 +48,8 @@ Scan read_scan(const std::filesystem::path& path, double unit = 1);
 std::vector<Scan> read_scans(const std::filesystem::path& path, double unit = 1);
 
 /// A mesh as points no further apart than about `spacing`, m: its vertices, and points inside of
-/// triangles that are larger. Colours are interpolated. A cloud is returned as it is.
+/// triangles that are larger. Colours are interpolated, or looked up in the texture. A cloud is
+/// returned as it is.
 Scan sample_scan(const Scan& scan, double spacing);
 
 /// What registration needs to know about each point.

@@ -9,6 +9,8 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <string_view>
 
 #include "weft/base/error.h"
@@ -144,6 +146,95 @@ Scan read_list(const fs::path& path) {
     }
   }
   return list.scan();
+}
+
+// --- OBJ: what read_obj does not read ---
+
+/// The picture that the first map_Kd of a material file names; empty if there is none.
+fs::path picture_of(const fs::path& material) {
+  const std::string text = read_all(material);
+  Lines lines(text);
+  std::string_view line;
+  fs::path picture;
+  while (lines.next(line)) {
+    const auto words = words_of(line);
+    if (words.size() < 2 || words[0] != "map_Kd") continue;
+    const fs::path named = material.parent_path() / std::string(words.back());
+    if (!picture.empty() && named != picture) {
+      throw error_at({material, lines.number(), "map_Kd"}, "a second picture; one is read");
+    }
+    picture = named;
+  }
+  return picture;
+}
+
+void read_picture(const fs::path& path, ScanTexture& texture) {
+  const cv::Mat picture = cv::imread(path.string(), cv::IMREAD_COLOR);
+  if (picture.empty()) throw error_at({path, 0, {}}, "cannot be read as a picture");
+  texture.width = picture.cols;
+  texture.height = picture.rows;
+  texture.pixels.resize(3, static_cast<Eigen::Index>(picture.total()));
+  for (int i = 0; i < picture.rows; ++i) {
+    for (int j = 0; j < picture.cols; ++j) {
+      const cv::Vec3b bgr = picture.at<cv::Vec3b>(i, j);
+      texture.pixels.col(i * picture.cols + j) = Eigen::Vector3f(bgr[2], bgr[1], bgr[0]) / 255;
+    }
+  }
+}
+
+/// Colours of the vertices, and a texture, of an OBJ whose geometry has been read and is sound.
+void add_obj_colours(const fs::path& path, Scan& scan) {
+  const std::string text = read_all(path);
+  Lines lines(text);
+  std::string_view line;
+  std::vector<Eigen::Vector3f> colours;
+  std::vector<Vec2> textures;
+  ScanTexture texture;
+  fs::path picture;
+  bool complete = true;
+  while (lines.next(line)) {
+    const auto words = words_of(line);
+    if (words.empty()) continue;
+    const auto number = [&](std::size_t k) {
+      double value = 0;
+      return k < words.size() && number_of(words[k], value) ? value : 0.0;
+    };
+    if (words[0] == "v" && words.size() >= 7) {
+      colours.push_back(Vec3(number(4), number(5), number(6)).cast<float>());
+    } else if (words[0] == "vt") {
+      textures.emplace_back(number(1), number(2));
+    } else if (words[0] == "mtllib" && words.size() >= 2 && picture.empty()) {
+      const fs::path material = path.parent_path() / std::string(words[1]);
+      std::error_code status;
+      if (fs::exists(material, status)) picture = picture_of(material);
+    } else if (words[0] == "f") {
+      std::vector<Vec2> corners;
+      for (std::size_t k = 1; k < words.size(); ++k) {
+        const std::size_t slash = words[k].find('/');
+        std::string_view index = slash == std::string_view::npos ? "" : words[k].substr(slash + 1);
+        index = index.substr(0, index.find('/'));
+        double value = 0;
+        const bool found = number_of(index, value);
+        const double at = value < 0 ? static_cast<double>(textures.size()) + value : value - 1;
+        const bool valid = found && at >= 0 && at < static_cast<double>(textures.size());
+        complete = complete && valid;
+        corners.push_back(valid ? textures[static_cast<std::size_t>(at)] : Vec2(Vec2::Zero()));
+      }
+      for (std::size_t k = 2; k < corners.size(); ++k) {
+        texture.corners.push_back({corners[0], corners[k - 1], corners[k]});
+      }
+    }
+  }
+  if (static_cast<int>(colours.size()) == scan.size()) {
+    scan.colour.resize(3, scan.size());
+    for (std::size_t i = 0; i < colours.size(); ++i) {
+      scan.colour.col(static_cast<Eigen::Index>(i)) = colours[i];
+    }
+    if (scan.colour.maxCoeff() > 1) scan.colour /= 255;
+  }
+  if (picture.empty() || !complete || texture.corners.size() != scan.triangles.size()) return;
+  read_picture(picture, texture);
+  scan.texture = std::move(texture);
 }
 
 // --- PLY ---
@@ -412,6 +503,7 @@ Scan read_scan(const fs::path& path, double unit) {
     Scan scan;
     scan.position = std::move(mesh.positions);
     scan.triangles = std::move(mesh.triangles);
+    add_obj_colours(path, scan);
     return finish(std::move(scan), unit, path);
   }
   throw error_at({path, 0, {}}, "a scan is .ply, .obj, .xyz, .txt, .pts or .csv");

@@ -1,0 +1,102 @@
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "apps/program.h"
+#include "weft/base/random.h"
+#include "weft/mesh/mesh_io.h"
+
+namespace weft {
+namespace {
+
+using testing::HasSubstr;
+
+class Register : public ProgramTest {
+ protected:
+  /// Points of a hanging sheet of 0.2 x 0.2 m that is bent about an upright axis, moved `along` x,
+  /// with grid lines of pitch 0.02 m.
+  static std::string points(double along, int count) {
+    Rng rng(2);
+    std::string text = "x,y,z,r,g,b\n";
+    for (int k = 0; k < count; ++k) {
+      const double u = rng.uniform(0, 0.2), v = rng.uniform(0, 0.2), angle = (u - 0.1) / 0.1;
+      const auto line = [](double t) { return std::abs(t / 0.02 - std::round(t / 0.02)) < 0.06; };
+      const int grey = line(u) || line(v) ? 40 : 200;
+      text += fmt::format("{},{},{},{},{},{}\n", along + 0.1 * std::sin(angle),
+                          0.1 * std::cos(angle), -v, grey, grey, grey);
+    }
+    return text;
+  }
+  /// Largest distance of the vertices to where they belong.
+  static double error_of(const ObjMesh& mesh, double along) {
+    double worst = 0;
+    for (Eigen::Index k = 0; k < mesh.positions.cols(); ++k) {
+      const double angle = ((*mesh.texture)(0, k) - 0.1) / 0.1;
+      const Vec3 truth(along + 0.1 * std::sin(angle), 0.1 * std::cos(angle),
+                       -(*mesh.texture)(1, k));
+      worst = std::max(worst, (mesh.positions.col(k) - truth).norm());
+    }
+    return worst;
+  }
+};
+
+TEST_F(Register, WritesTheGridWithWhatItIsWorth) {
+  write("scan.csv", points(0, 6000));
+  const Outcome outcome = weft({"register", path("scan.csv"), "--swatch", "0.2x0.2", "--grid", "13",
+                                "--out", path("out"), "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const ObjMesh mesh = read_obj(path("out/registered.obj"));
+  ASSERT_EQ(mesh.positions.cols(), 169);
+  ASSERT_TRUE(mesh.texture);
+  EXPECT_LT(error_of(mesh, 0), 0.0015);
+  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(result["frames"].size(), 1u);
+  EXPECT_LT(result["frames"][0]["residual_median"], 1e-4);
+  EXPECT_EQ(result["frames"][0]["unsupported_vertices"], 0);
+  EXPECT_THAT(text_of(path("out/vertices.csv")),
+              HasSubstr("frame,vertex,u_m,v_m,x_m,y_m,z_m,supported,distance_m,weight\n0,0,0,0,"));
+  for (const char* name : {"out/residuals.svg", "out/distance.svg", "out/registration.json"}) {
+    EXPECT_NE(text_of(path(name)), "") << name;
+  }
+  EXPECT_THAT(refusal({"register", path("scan.csv"), "--swatch", "0.2x0.2", "--out", path("out")}),
+              HasSubstr("--overwrite"));
+}
+
+TEST_F(Register, FollowsASequenceAndAStampedGrid) {
+  write("scans/0.csv", points(0, 12000));
+  write("scans/1.csv", points(0.01, 12000));
+  const Outcome outcome = weft({"register", path("scans"), "--swatch", "0.2x0.2", "--grid", "13",
+                                "--out", path("out"), "--stamp", "0.02", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  // 9 x 9 crossings are inside of the swatch.
+  EXPECT_GE(result["frames"][1]["stamp_crossings"], 70);
+  const PointCache cache = read_pc2(path("out/registered.pc2"));
+  ASSERT_EQ(cache.frames.size(), 2u);
+  ObjMesh mesh = read_obj(path("out/registered.obj"));
+  EXPECT_LT(error_of(mesh, 0), 0.0015);
+  mesh.positions = cache.frames[1];
+  EXPECT_LT(error_of(mesh, 0.01), 0.0015);
+}
+
+TEST_F(Register, RefusesWhatItCannotUse) {
+  write("scan.csv", points(0, 200));
+  const auto refused = [&](std::vector<std::string> more) {
+    std::vector<std::string> words{"register", path("scan.csv"), "--out", path("out")};
+    words.insert(words.end(), more.begin(), more.end());
+    return refusal(words);
+  };
+  EXPECT_THAT(refused({"--swatch", "0.2"}), HasSubstr("--swatch"));
+  EXPECT_THAT(refused({"--swatch", "0.2x20"}), HasSubstr("0.001 to 10 m"));
+  EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--u-axis", "0,0,0"}), HasSubstr("--u-axis"));
+  EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--reach", "-1"}), HasSubstr("--reach"));
+  EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--start", path("none.obj")}), HasSubstr("none.obj"));
+  EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--pictures", "p%d.png"}), HasSubstr("--camera"));
+  write("marks.csv", "u_m,v_m,x_m,y_m\n0,0,0,0\n");
+  EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--landmarks", path("marks.csv")}), HasSubstr("z_m"));
+}
+
+}  // namespace
+}  // namespace weft
