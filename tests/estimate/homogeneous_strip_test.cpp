@@ -77,7 +77,7 @@ TEST(HomogeneousStrip, FrictionGoesAlongWithThePull) {
   fabric.set("weft_stretch_friction_scale", 0.01);
   VecX stretches(4);
   stretches << 1.03, 1.08, 1.05, 1.02;
-  const HomogeneousStrip strip(fabric);
+  HomogeneousStrip strip(fabric);
   for (int run = 0; run < 2; ++run) {  // the second starts from flat again
     const auto states = strip.pull(stretches);
     double green = 0, stress = 0;

@@ -91,9 +91,7 @@ HomogeneousStrip::HomogeneousStrip(const Fabric& fabric, double grain_angle, Str
 
 void HomogeneousStrip::set_parameters(const VecX& values) { model_->set_parameters(values); }
 
-std::vector<StripState> HomogeneousStrip::pull(const VecX& stretches,
-                                               Derivatives* derivatives) const {
-  // Friction's history is the model's; a copy of none is kept so that const stays so.
+std::vector<StripState> HomogeneousStrip::pull(const VecX& stretches, Derivatives* derivatives) {
   ElasticModel& model = *model_;
   const VecX flat_history = model.history();
   const Shape shape = shape_of(model.mesh().material);
@@ -191,7 +189,7 @@ class StripProblem {
     VecX slopes(dimension());
     for (Eigen::Index i = 0; i < dimension(); ++i) slopes[i] = scaled_slope(info(i), x[i]);
     for (const StripTest& test : tests_) {
-      const HomogeneousStrip strip(fabric, test.grain_angle, test.sides);
+      HomogeneousStrip strip(fabric, test.grain_angle, test.sides);
       HomogeneousStrip::Derivatives derivatives;
       const auto states = strip.pull(test.stretch, with_derivatives ? &derivatives : nullptr);
       VecX force(test.stretch.size()), lateral(test.stretch.size());

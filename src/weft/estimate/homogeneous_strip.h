@@ -39,8 +39,9 @@ class HomogeneousStrip {
   struct Derivatives {
     MatX force, lateral;  ///< stretches x parameters of the fabric
   };
-  /// At each stretch (above 0), in turn. Throws Error where there is no equilibrium.
-  std::vector<StripState> pull(const VecX& stretches, Derivatives* derivatives = nullptr) const;
+  /// At each stretch (above 0), in turn, each time from flat. Throws Error where there is no
+  /// equilibrium.
+  std::vector<StripState> pull(const VecX& stretches, Derivatives* derivatives = nullptr);
 
  private:
   StripSides sides_;
