@@ -190,9 +190,12 @@ void capture_scans(const Arguments& arguments) {
     fmt::print("\n{}: {} targets on {} cells\n", name, trials.size(), arguments.cells);
     const ScanProblem problem(trials, arguments.make_solver(), start, default_scan_parameters());
     print_targets(problem, source, "at the source's continuum values");
-    const ScanFitResult fit = fit_scan(problem, start, arguments.fit);
-    print_fit(fit, &source);
-    print_targets(problem, fit.fabric, "at the estimate");
+    for (const Fabric& from : {source, start}) {
+      fmt::print("from {}\n", from.name);
+      const ScanFitResult fit = fit_scan(problem, from, arguments.fit);
+      print_fit(fit, &source);
+      print_targets(problem, fit.fabric, "at the estimate");
+    }
   }
 }
 
