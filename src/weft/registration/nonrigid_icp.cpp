@@ -25,8 +25,8 @@ constexpr int kNearVertices = 3;
 constexpr double kLandmarkWeight = 20;
 // A robust weight below this is none.
 constexpr double kLeastPull = 0.01;
-// Damping against the points of a cell: what neither points nor rim hold, such as a sheet that turns
-// on a cylinder, must not run away by their noise.
+// Damping against the points of a cell: what neither points nor rim hold, such as a sheet that
+// turns on a cylinder, must not run away by their noise.
 constexpr double kLeastDamping = 1e-3;
 // The reach at the end, in standard deviations of the inliers.
 constexpr double kReachOverScatter = 4;
@@ -532,7 +532,7 @@ void GridIcp::draw_rim(const Points& x, const Stage& stage) {
       const double end = rim.beyond[rank - 1] + static_cast<double>(rank) * usual_area_ / width;
       // The edge of a view looks like a rim: a sheet that is not yet where it belongs is not drawn
       // in.
-      if (stage.coarse && end < 0) continue;
+      if ((stage.coarse && end < 0) || std::abs(end) > reach) continue;
       const double weight = share * robust_weight(end, reach) * cell_ * cell_;
       const Vec3 along = (x.col(rim.after) - x.col(rim.before)).normalized();
       Vec3 out = x.col(rim.vertex) - x.col(rim.inner);
