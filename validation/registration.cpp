@@ -2,7 +2,7 @@
 ///
 ///   weft_validate_registration truth OUT FRAMES CAPTURE...   true surfaces as noisy clouds
 ///   weft_validate_registration video OUT CLOUDS UNIT START SIDE PICTURES CAMERA
-///   weft_validate_registration partial OUT CLOUDS UNIT START SIDE
+///   weft_validate_registration partial OUT CLOUDS UNIT SIDE
 ///
 /// CLOUDS: a sequence of scans, UNIT m per unit; START: OBJ of the first frame with vt in m; SIDE:
 /// m of the square cloth; PICTURES: a pattern of numbered images; CAMERA: "fx,fy,cx,cy" in px, the
@@ -307,7 +307,7 @@ void validate_video(const fs::path& out, const std::vector<std::string>& words) 
 
 void validate_partial(const fs::path& out, const std::vector<std::string>& words) {
   const std::vector<Scan> scans = read_scans(words.at(0), std::stod(words.at(1)));
-  const double side = std::stod(words.at(3));
+  const double side = std::stod(words.at(2));
   const GridTemplate grid = make_grid_template(side, side, 21, 21);
   // The last frame of each trial, where the cloth hangs from the gripper by a corner.
   const Vec3 u = Vec3(1, 0, -1).normalized(), v = Vec3(-1, 0, -1).normalized();

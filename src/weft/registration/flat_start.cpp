@@ -185,7 +185,8 @@ std::vector<RegistrationStart> flat_starts(const GridTemplate& grid, const Scan&
     const auto count = static_cast<double>(some.size());
     if (count < std::max(3.0, least_piece * static_cast<double>(points.size()))) return;
     RegistrationStart start{lay_flat(grid, at(scan, some), u_direction, v_direction),
-                            std::vector<char>(static_cast<std::size_t>(scan.size()), 0)};
+                            std::vector<char>(static_cast<std::size_t>(scan.size()), 0),
+                            RegistrationStart::View::part};
     for (const int i : some) start.piece[static_cast<std::size_t>(i)] = 1;
     starts.push_back(std::move(start));
   };
@@ -199,6 +200,8 @@ std::vector<RegistrationStart> flat_starts(const GridTemplate& grid, const Scan&
   const Indices rest = without_main_plane(scan, points, 2 * usual, table);
   if (rest.size() < points.size() && !rest.empty()) add(connected(scan, rest, 4 * usual).front());
   if (starts.empty()) add(points);
+  starts.push_back(starts.front());
+  starts.back().view = RegistrationStart::View::whole;
   return starts;
 }
 

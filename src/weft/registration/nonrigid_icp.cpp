@@ -25,8 +25,8 @@ constexpr int kNearVertices = 3;
 constexpr double kLandmarkWeight = 20;
 // A robust weight below this is none.
 constexpr double kLeastPull = 0.01;
-// Damping against the points of a cell: what neither points nor rim hold, such as a sheet that turns
-// on a cylinder, must not run away by their noise.
+// Damping against the points of a cell: what neither points nor rim hold, such as a sheet that
+// turns on a cylinder, must not run away by their noise.
 constexpr double kLeastDamping = 1e-3;
 // The reach at the end, in standard deviations of the inliers.
 constexpr double kReachOverScatter = 4;
@@ -36,6 +36,8 @@ constexpr int kCoarseRounds = 30, kLastRounds = 24;
 constexpr double kCoarseStill = 0.01;  // of the reach
 // Pull of a rim vertex against the points of a cell. Where the points end is known to a fraction of
 // their spacing only; what is needed at last is that the sheet does not slide.
+// Pull of a vertex without points on the nearest one, against the points of a cell.
+constexpr double kBarePull = 0.3;
 // The reach of the rim is at least this many distances between points.
 constexpr double kRimReach = 3;
 constexpr double kFineRim = 0.05, kLastRim = 0.01;
@@ -249,6 +251,8 @@ class GridIcp {
   void weigh(const Stage& stage);
   void make_pulls(const Points& x, const Stage& stage);
   void draw_rim(const Points& x, const Stage& stage);
+  void make_tree();
+  void draw_bare_vertices(const Points& x, const Stage& stage);
   void collect_beyond(const Points& x, double reach);
   void find_curvature(const Points& x);
   Vec3 bulge(const std::array<int, 3>& triangle, const Vec3& share) const;
@@ -273,6 +277,9 @@ class GridIcp {
   std::vector<char> rim_edge_;  ///< of each triangle, bit k: the edge from corner k is on the rim
   std::vector<int> points_;     ///< that take part
   const std::vector<char>* piece_ = nullptr;
+  RegistrationStart::View view_ = RegistrationStart::View::part;
+  std::vector<int> tree_points_;  ///< of the scan, in the tree
+  std::optional<PointTree> tree_;
   VecX area_;              ///< of each of them, m^2
   double usual_area_ = 0;  ///< median, m^2
   std::vector<Association> associations_;
@@ -484,6 +491,35 @@ void GridIcp::make_pulls(const Points& x, const Stage& stage) {
     }
   }
   draw_rim(x, stage);
+  if (stage.coarse && tree_) draw_bare_vertices(x, stage);
+}
+
+void GridIcp::make_tree() {
+  if (view_ == RegistrationStart::View::part) return;
+  for (const int i : points_) {
+    if (piece_->empty() || (*piece_)[static_cast<std::size_t>(i)]) tree_points_.push_back(i);
+  }
+  if (!tree_points_.empty()) tree_.emplace(Points(scan_.position(Eigen::all, tree_points_)));
+}
+
+void GridIcp::draw_bare_vertices(const Points& x, const Stage& stage) {
+  std::vector<char> bare(static_cast<std::size_t>(x.cols()), 1);
+  for (const Association& a : associations_) {
+    if (a.weight == 0) continue;
+    for (const int v : grid_.mesh.triangles[static_cast<std::size_t>(a.triangle)]) {
+      bare[static_cast<std::size_t>(v)] = 0;
+    }
+  }
+  for (int v = 0; v < x.cols(); ++v) {
+    if (!bare[static_cast<std::size_t>(v)]) continue;
+    const PointTree::Neighbour near = tree_->nearest(x.col(v));
+    const double weight = kBarePull * robust_weight(std::sqrt(near.squared), stage.reach);
+    pulls_.push_back({{v, v, v},
+                      Vec3(1, 0, 0),
+                      Mat3::Identity(),
+                      scan_.position.col(tree_points_[static_cast<std::size_t>(near.index)]),
+                      weight * cell_ * cell_});
+  }
 }
 
 void GridIcp::collect_beyond(const Points& x, double reach) {
@@ -532,7 +568,8 @@ void GridIcp::draw_rim(const Points& x, const Stage& stage) {
       const double end = rim.beyond[rank - 1] + static_cast<double>(rank) * usual_area_ / width;
       // The edge of a view looks like a rim: a sheet that is not yet where it belongs is not drawn
       // in.
-      if (stage.coarse && end < 0) continue;
+      const bool part = view_ == RegistrationStart::View::part;
+      if (part && ((stage.coarse && end < 0) || std::abs(end) > reach)) continue;
       const double weight = share * robust_weight(end, reach) * cell_ * cell_;
       const Vec3 along = (x.col(rim.after) - x.col(rim.before)).normalized();
       Vec3 out = x.col(rim.vertex) - x.col(rim.inner);
@@ -740,6 +777,8 @@ ScanRegistration GridIcp::run(const RegistrationStart& start) {
   ScanRegistration result;
   Points x = start.x;
   piece_ = &start.piece;
+  view_ = start.view;
+  make_tree();
   const double still = 3e-4 * cell_;
   Stage last{};
   double previous = std::numeric_limits<double>::infinity();
@@ -815,8 +854,9 @@ void GridIcp::finish(ScanRegistration& result, const Stage& stage) {
     sum += std::pow(wu.norm() - cell.rest_u, 2) + std::pow(wv.norm() - cell.rest_v, 2);
   }
   result.strain_rms = std::sqrt(sum / (2.0 * static_cast<double>(cells_.size())));
-  result.cost = cost(x, stage);
   finish_vertices(result);
+  const VecX bare = (1 - result.weight.array()).matrix();
+  result.cost = cost(x, stage) + 0.125 * cell_ * cell_ * vertex_areas(grid_.mesh).dot(bare);
 }
 
 double GridIcp::cost(const Points& x, const Stage& stage) {

@@ -58,8 +58,8 @@ struct ScanRegistration {
   double reach = 0;  ///< m, of the last step: at this distance a point has a quarter of its pull
   double landmark_rms = 0;  ///< m; 0 without landmarks
   double strain_rms = 0;    ///< of the cells, along u and v; chords corrected for curvature
-  /// m^4: what the registration minimizes, at a reach of half a cell, points without pull included:
-  /// comparable between starts on one scan.
+  /// m^4: what the registration minimizes, at a reach of half a cell, points without pull and fabric without points
+  /// included: comparable between starts on one scan.
   double cost = 0;
   int rounds = 0;
 
@@ -70,8 +70,12 @@ struct ScanRegistration {
 /// A shape to begin with, and what of the scan is taken for cloth while the sheet is still far from
 /// it.
 struct RegistrationStart {
+  /// How much of the fabric the scan shows. Of the whole of it, coarse steps draw the rim inwards,
+  /// and vertices without points to the nearest point.
+  enum class View { part, whole };
   Points x;                 ///< 3 x vertices, m
   std::vector<char> piece;  ///< a flag for each point of the scan; empty: all
+  View view = View::part;
 };
 
 /// Lays the grid on the scan. Minimizes over the vertices x
@@ -115,7 +119,8 @@ VecX distances_to_surface(const GridTemplate& grid, const Points& x, const Point
 /// centre where their bounding rectangle has its own, u along `u_direction` and v along
 /// `v_direction` as far as the plane allows (unit vectors; the sheet is turned and mirrored so that
 /// the sum of the two cosines is largest). One start for each of the scan's up to three largest
-/// pieces, and one for the largest piece beside the plane that holds most points, as a table does.
+/// pieces, one for the largest piece beside the plane that holds most points, as a table does, and
+/// the first of these once more as a view of the whole.
 /// Throws Error for fewer than 3 points on a surface.
 std::vector<RegistrationStart> flat_starts(const GridTemplate& grid, const Scan& scan,
                                            const ScanGeometry& geometry, const Vec3& u_direction,
