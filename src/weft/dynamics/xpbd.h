@@ -20,6 +20,9 @@
 /// that start from zero in each step the cloth comes to rest where the sweeps of one step happen to
 /// end, softer for fewer of them.)
 ///
+/// A start whose net force is nowhere above the largest weight or load of a vertex begins with the
+/// multipliers of its strains, and so stays where it is at rest already; another one with zeros.
+///
 /// The way to rest is a motion whose velocity is dropped whenever it turns against the net force.
 /// It ends when the net force on every free vertex is below a tolerance, computed from U and not
 /// from the multipliers, after at most max_iterations sweeps.
