@@ -154,7 +154,7 @@ void compare(const Experiment& e, XpbdSweep sweep) {
 
 void study_equilibria() {
   fmt::print(
-      "\nXPBD against Newton's method, net force below 1e-7 N; times are of one processor, s; "
+      "\nXPBD against Newton's method, net force below 1e-8 N; times are of one processor, s; "
       "distances the largest of a vertex, mm\n\n| scene | sweeps | XPBD | Newton | to the "
       "equilibrium next to it | to Newton's | sweeps for derivatives | XPBD | exact | relative "
       "difference |\n|---|---|---|---|---|---|---|---|---|---|\n");

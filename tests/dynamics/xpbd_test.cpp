@@ -95,6 +95,17 @@ TEST(XpbdEquilibrium, IsThatOfTheStaticSolverWhateverTheSweeps) {
   }
 }
 
+TEST(XpbdEquilibrium, AStartAtRestStaysThere) {
+  // A start whose net force is below the weights keeps its balance: the first check is the last.
+  const Hanging hanging(9);
+  const Points truth = hanging.equilibrium(hanging.start);
+  XpbdOptions options = curvature_options();
+  const auto result = xpbd_equilibrium(hanging.mesh, hanging.sheet, hanging.pinned, truth, options);
+  EXPECT_TRUE(result.converged);
+  EXPECT_LE(result.iterations, 25);
+  EXPECT_LT(largest_distance(result.x, truth), 1e-7);
+}
+
 TEST(XpbdEquilibrium, WithMultipliersFromZeroTheSweepsDecideHowSoftTheClothIs) {
   // A strip that hangs from its top row, by its own weight. With kept multipliers its end is where
   // it belongs; from zero it hangs lower, the lower the fewer sweeps.

@@ -151,9 +151,16 @@ Relaxation::Relaxation(const TriangleMesh& mesh, const OrthotropicSheet& sheet,
     masses_.push_back(w > 0 ? 1 / w : 0);
   }
   begin();
-  double acting = 0;
-  for (const Record& f : force_) acting += std::sqrt(dot(f, f));
-  largest_force_ = kLargestForce * std::max(residual(), acting);
+  double acting = 0, most = 0;
+  for (const Record& f : force_) {
+    acting += std::sqrt(dot(f, f));
+    most = std::max(most, std::sqrt(dot(f, f)));
+  }
+  const double net = residual();
+  largest_force_ = kLargestForce * std::max(net, acting);
+  // A start that is nearly at rest keeps its balance; a rough one would be torn by its strains.
+  if (net < most && options.multipliers == XpbdMultipliers::kept)
+    system_.balance_multipliers(derivatives_);
 }
 
 void Relaxation::begin() {

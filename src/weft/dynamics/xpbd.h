@@ -20,6 +20,9 @@
 /// that start from zero in each step the cloth comes to rest where the sweeps of one step happen to
 /// end, softer for fewer of them.)
 ///
+/// A start whose net force is nowhere above the largest weight or load of a vertex begins with the
+/// multipliers of its strains, and so stays where it is at rest already; another one with zeros.
+///
 /// The way to rest is a motion whose velocity is dropped whenever it turns against the net force.
 /// It ends when the net force on every free vertex is below a tolerance, computed from U and not
 /// from the multipliers, after at most max_iterations sweeps.
@@ -106,8 +109,11 @@ struct XpbdOptions {
   double time_step = 0;
   int sweeps_per_step = 1;  ///< >= 1; one is fastest with the automatic step
   XpbdMultipliers multipliers = XpbdMultipliers::kept;
-  double force_tolerance = 1e-7;  ///< N, largest net force on a free vertex; > 0
-  int max_iterations = 200000;    ///< sweeps; >= 1
+  /// N, largest net force on a free vertex; > 0. To be small against the weight of a vertex (3e-5 N
+  /// on 41 x 41 vertices of a light swatch of 0.15 m): at 1e-7 N such a swatch, held by two
+  /// corners, was 7 mm from where it came to rest, at 1e-8 N 3 um.
+  double force_tolerance = 1e-8;
+  int max_iterations = 200000;  ///< sweeps; >= 1
   XpbdDerivatives derivatives = XpbdDerivatives::none;
   /// Largest entry of a derivative of the net force on free vertices, over the largest entry of the
   /// derivative of the elastic force by the same parameter at a fixed shape; > 0.

@@ -130,6 +130,7 @@ class BlockLaw {
     return {factor, iw, dl, {l[0] + dl[0], l[1] + dl[1], l[2] + dl[2]}, *this};
   }
 
+  double squared_step() const { return hh_; }
   /// - A k C: what the multiplier, over h^2, is at rest.
   template <class T>
   Rows<T, 3> stress(const T& weight, const Rows<T, 3>& c) const {
@@ -218,6 +219,7 @@ class ScalarLaw {
     return {factor, s, ds, dl, reach, parameter_};
   }
 
+  double squared_step() const { return hh_; }
   template <class T, std::size_t N>
   Rows<T, N> stress(const T& weight, const Rows<T, N>& c) const {
     Rows<T, N> s;

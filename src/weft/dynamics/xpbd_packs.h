@@ -33,6 +33,7 @@ enum class Pass {
   jacobi,        ///< change multipliers; what they pull is added to `pull`
   warm,          ///< add what the multipliers pull to `pull`
   elastic,       ///< add the elastic force to `pull`
+  balance,       ///< set multipliers to what the strains make of them at rest
 };
 
 class ConstraintSet {
@@ -253,6 +254,8 @@ class PackedConstraints final : public ConstraintSet {
         return loop<Pass::warm, kDerivatives>(begin, end, vertices);
       case Pass::elastic:
         return loop<Pass::elastic, kDerivatives>(begin, end, vertices);
+      case Pass::balance:
+        return loop<Pass::balance, kDerivatives>(begin, end, vertices);
     }
   }
 
@@ -281,6 +284,18 @@ class PackedConstraints final : public ConstraintSet {
     }
     const auto strain = K::strain(pack.rest, x);
     if constexpr (HasMemory<K>) K::remember(strain, pack.rest);
+    if constexpr (kPass == Pass::balance) {
+      const auto c = strain.value();
+      pack.l = scaled(law_.squared_step(), law_.stress(pack.rest.weight(), c));
+      if constexpr (kDerivatives) {
+        for (int p = 0; p < kSheetParameters; ++p) {
+          const auto dc = K::change(pack.rest, strain, direction(pack, p, vertices)).value();
+          derivative->l[static_cast<std::size_t>(p)] =
+              scaled(law_.squared_step(), law_.stress_derivative(p, pack.rest.weight(), c, dc));
+        }
+      }
+      return;
+    }
     if constexpr (kPass == Pass::warm || kPass == Pass::elastic) {
       const auto c = strain.value();
       const Rows<Lanes, kRows> l =
@@ -334,6 +349,10 @@ class PackedConstraints final : public ConstraintSet {
     }
   }
 
+  static Rows<Lanes, kRows> scaled(double factor, Rows<Lanes, kRows> l) {
+    for (Lanes& entry : l) entry = factor * entry;
+    return l;
+  }
   static std::array<Vector3<Lanes>, kVertices> direction(const Pack& pack, int p,
                                                          const Vertices& vertices) {
     std::array<Vector3<Lanes>, kVertices> dx;

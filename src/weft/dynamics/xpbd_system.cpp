@@ -94,6 +94,8 @@ void System::forget_multipliers() {
   for (const auto& set : sets_) set->forget_multipliers();
 }
 
+void System::balance_multipliers(bool derivatives) { run(Pass::balance, derivatives); }
+
 void System::forget_strains() {
   for (const auto& set : sets_) set->forget_strains();
 }

@@ -39,6 +39,8 @@ class System {
   /// `pull` and, with derivatives, `dpull` become the sums of a pass that changes nothing else.
   void gather(Pass pass, bool derivatives);
   void forget_multipliers();
+  /// Multipliers (and, with derivatives, theirs) as they are where the shape is at rest.
+  void balance_multipliers(bool derivatives);
   /// Strains depend on the shape alone from here on, until it moves.
   void forget_strains();
   /// Derivatives of everything are zero from here on.
