@@ -209,8 +209,10 @@ void recovery(const Arguments& arguments, const std::string& name, FitOrder orde
     CurveFitOptions options;
     options.order = order;
     options.shape = CurveShape::subdivided;
+    Fabric wrong = wrong_fabric(truth, truth.model, start);
+    if (!arguments.skip.empty()) wrong.set_curve(arguments.skip, truth.curve(arguments.skip));
     const CurveFitResult found = timed_fit(
-        arguments, trials, wrong_fabric(truth, truth.model, start), options,
+        arguments, trials, wrong, options,
         fmt::format("{}: {} fit of {} from {}", name,
                     order == FitOrder::joint ? "joint" : "incremental", truth.model, start.name));
     print_stages(found);
