@@ -5,7 +5,7 @@
 ///
 ///     weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME]
 ///                       [--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N]
-///                       [--alternating] [--no-noise]
+///                       [--alternating] [--no-noise] [--skip ROW]
 ///
 /// Captures are made in OUT where they are not there yet, of the fabrics validation/fabrics/rig_*.
 #include <fmt/format.h>
@@ -43,6 +43,7 @@ struct Arguments {
   RigOptions rig;
   int starts = 1;
   int threads = 0;
+  std::string skip;  ///< a component that is not searched and starts at the truth
   bool has(const std::string& part) const {
     return std::find(parts.begin(), parts.end(), part) != parts.end();
   }
@@ -177,8 +178,10 @@ CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const
   CurveFitOptions chosen = options;
   chosen.threads = arguments.threads;
   std::string last;
+  std::vector<std::string> rows = kRows;
+  std::erase(rows, arguments.skip);
   CurveFitResult found = fit_curves(
-      trials, start, kRows, chosen, [&](const std::string& stage, const MechanicalFitStep& step) {
+      trials, start, rows, chosen, [&](const std::string& stage, const MechanicalFitStep& step) {
         if (stage != last)
           std::fprintf(stderr, "%s: %s, %.3g\n", title.c_str(), stage.c_str(), step.cost);
         last = stage;
@@ -206,8 +209,10 @@ void recovery(const Arguments& arguments, const std::string& name, FitOrder orde
     CurveFitOptions options;
     options.order = order;
     options.shape = CurveShape::subdivided;
+    Fabric wrong = wrong_fabric(truth, truth.model, start);
+    if (!arguments.skip.empty()) wrong.set_curve(arguments.skip, truth.curve(arguments.skip));
     const CurveFitResult found = timed_fit(
-        arguments, trials, wrong_fabric(truth, truth.model, start), options,
+        arguments, trials, wrong, options,
         fmt::format("{}: {} fit of {} from {}", name,
                     order == FitOrder::joint ? "joint" : "incremental", truth.model, start.name));
     print_stages(found);
@@ -250,6 +255,8 @@ Arguments parse(int argc, char** argv) {
       arguments.fabrics = {argv[++i]};
     else if (word == "--model" && more)
       arguments.models = {argv[++i]};
+    else if (word == "--skip" && more)
+      arguments.skip = argv[++i];
     else if (word == "--no-noise")
       arguments.rig.noise = {0, 0, 0, 0};
     else if (word == "--alternating")
@@ -263,6 +270,7 @@ Arguments parse(int argc, char** argv) {
     throw Error(
         "usage: weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME] "
         "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--alternating] "
+        "[--skip ROW] "
         "[--no-noise]");
   if (arguments.parts.empty()) arguments.parts = {"recovery", "orders", "table"};
   return arguments;

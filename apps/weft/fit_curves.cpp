@@ -110,7 +110,7 @@ std::string stage_lines(const CurveFitResult& fit) {
   for (const CurveFitStage& stage : fit.stages)
     text += fmt::format("{:<28} error {:>10.5g}, at its start {:>10.5g}; {} evaluations{}\n",
                         stage.name, stage.cost, stage.cost_start, stage.evaluations,
-                        stage.kept ? "" : "; a point too many, not kept");
+                        stage.kept ? "" : "; not kept");
   if (!fit.without_test.empty())
     text += fmt::format("not searched, no capture isolates them: {}\n",
                         fmt::join(fit.without_test, ", "));

@@ -305,8 +305,18 @@ class CurveFitter {
     for (const std::string& row : group.rows)
       points = std::max(points, may_be_curve(fabric_, row) ? fabric_.value_count(row) : 1);
     const MechanicalFitResult found = stage(group, fabric_, pass, points);
+    if (points == 1 && ends_at_a_bound(found)) {
+      result_.stages.back().kept = false;
+      return;
+    }
     fabric_ = found.fabric;
     if (options_.shape == CurveShape::subdivided && pass == 1) subdivide(group, found.cost);
+  }
+
+  /// What runs off to an end of its range follows something else, such as the error of the mesh.
+  static bool ends_at_a_bound(const MechanicalFitResult& found) {
+    return std::any_of(found.intervals.begin(), found.intervals.end(),
+                       [](const ParameterInterval& p) { return p.at_lower || p.at_upper; });
   }
 
   /// One more control point each, as long as it pays.

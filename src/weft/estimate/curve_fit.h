@@ -53,8 +53,10 @@ struct CurveFitOptions {
 struct CurveFitStage {
   std::string name;  ///< "shear", "weft_bend, 3 points", "all"
   int pass = 1;
-  int points = 1;     ///< control points of its curve
-  bool kept = false;  ///< false: the point too many, whose reduction was too small
+  int points = 1;  ///< control points of its curve
+  /// False: one control point more than pays, or a constant that ran off to an end of its range;
+  /// the parameters are those of before.
+  bool kept = false;
   double cost_start = 0, cost = 0;
   std::size_t evaluations = 0;
   double wall_s = 0;
