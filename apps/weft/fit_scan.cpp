@@ -6,12 +6,14 @@
 #include "command_line.h"
 #include "options.h"
 #include "report_of_fit.h"
+#include "report_of_scan.h"
 #include "scan.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
 #include "weft/fabric/orthotropic.h"
+#include "weft/report/report_html.h"
 #include "weft/report/result.h"
 
 namespace weft::app {
@@ -198,7 +200,7 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   options.seed = arguments.seed;
   const ScanProblem problem(trials, arguments.solver, initial, arguments.parameters, {},
                             arguments.threads);
-  prepare_output_folder(out, {"result.json", "fabric.toml"},
+  prepare_output_folder(out, {"result.json", "fabric.toml", "report.html"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
   Progress progress("least squares", 0);
   const ScanFitResult fit = fit_scan(problem, initial, options, [&](const ScanFitStep& step) {
@@ -216,7 +218,10 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   const Report report =
       make_report(arguments, problem, fit, fmt::format("{}", fmt::join(names, ", ")));
   write_text(out / "result.json", result_text(report, fit, trials, differences));
+  write_report_html(out / "report.html", report, {},
+                    report_of_scan(captures, trials, simulations, differences));
   print_result(fit, report, trials, differences);
+  fmt::print("{}\n", (out / "report.html").string());
   if (report.stopped) throw CLI::RuntimeError(stopped_early);
 }
 

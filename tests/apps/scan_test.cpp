@@ -58,6 +58,8 @@ TEST_F(Scan, ChecksEvaluatesAndFits) {
   EXPECT_NEAR(result["scan"]["moduli"]["mu"].get<double>(), 40, 2);
   EXPECT_EQ(result["scan"]["targets"].size(), 4u);
   EXPECT_EQ(result["settings"]["descriptor"], "fourier");
+  const std::string page = text_of(folder_ / "out/report.html");
+  EXPECT_THAT(page, AllOf(HasSubstr("ledge along u"), HasSubstr("How well it matches")));
 
   const Outcome evaluated =
       weft({"evaluate", path("scan"), "--fabric", path("out/fabric.toml"), "--json"});

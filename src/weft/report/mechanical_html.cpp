@@ -56,11 +56,11 @@ std::string shapes(const ReportMechanical& c) {
   std::string html = "<div class=\"shapes\">\n";
   for (const ReportShape& shape : c.shapes) {
     html += fmt::format(
-        "<figure><div class=\"pair\">{}{}</div><figcaption>Frame {}: measured, and computed with "
+        "<figure><div class=\"pair\">{}{}</div><figcaption>{}easured, and computed with "
         "its distance to the measured shape</figcaption></figure>\n",
         picture(shape.measured, fmt::format("{}, frame {}, measured", c.name, shape.frame)),
         picture(shape.computed, fmt::format("{}, frame {}, computed", c.name, shape.frame)),
-        shape.frame);
+        c.frames.size() > 1 ? fmt::format("Frame {}: m", shape.frame) : "M");
   }
   return html + fmt::format(
                     "</div>\n<p class=\"minor\"><span class=\"key\">0 <span class=\"scale\" "
@@ -80,7 +80,7 @@ std::string match_of(const ReportMechanical& c, PlotPlacer& place) {
                   "band is the 90 % interval that the parameters' uncertainty gives.");
   LinePlot distance = shape_distance_plot(c);
   distance.width = kPlotWidth;
-  if (!distance.series.front().x.empty())
+  if (distance.series.front().x.size() > 1)
     html += place(distance, "At the same point of the fabric, outside the clips.", "frame");
   html += "</div>\n";
   if (!c.strains.empty()) {
