@@ -2,25 +2,22 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <limits>
 
 #include "weft/base/error.h"
+#include "weft/estimate/residual_intervals.h"
 
 namespace weft {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-/// Half an interval of this part of the range and more says nothing (as in uncertainty.cpp).
-constexpr double kWidestHalf = 0.5;
 /// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
 /// deviation off costs 1.
 constexpr double kEnoughReduction = 0.01;
 constexpr int kEnoughSteps = 2;
-constexpr double kManyDegrees = 1e6;  // of freedom: the normal distribution
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -255,71 +252,16 @@ MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled
 
 namespace {
 
-/// Parameters at a bound towards which the cost falls are no part of the estimate's spread.
-std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient) {
-  std::vector<Eigen::Index> indices;
-  for (Eigen::Index i = 0; i < scaled.size(); ++i) {
-    const bool held = (scaled[i] <= 0 && gradient[i] > 0) || (scaled[i] >= 1 && gradient[i] < 0);
-    if (!held) indices.push_back(i);
-  }
-  return indices;
-}
-
-/// Variances that the stated noise alone makes: the diagonal of (J^T J)^-1; the cost is the mean of
-/// squares, so that its Gauss-Newton matrix is 2 J^T J / count. Infinite where singular.
-VecX noise_variances(const MechanicalProblem& problem, const MatX& hessian) {
-  const Eigen::LDLT<MatX> factor(hessian);
-  const Eigen::Index n = hessian.rows();
-  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 0))
-    return VecX::Constant(n, kInfinity);
-  return 2 / static_cast<double>(problem.residual_count()) *
-         factor.solve(MatX::Identity(n, n)).diagonal();
-}
-
 void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
                    const MechanicalProblem::Linearization& found, double confidence,
                    MechanicalFitResult& result) {
-  const auto free = inside_bounds(scaled, found.model.gradient);
-  const Eigen::Index n = scaled.size();
-  MatX covariance = MatX::Zero(n, n);
-  VecX noise = VecX::Zero(n);
-  VecX lost = VecX::Zero(n);  // share of each parameter that no frame, or one alone, determines
-  int clusters = static_cast<int>(found.parts.size());
-  if (clusters < 2) return;
-  if (!free.empty()) {
-    std::vector<CostPart> parts;
-    for (const CostPart& part : found.parts)
-      parts.push_back(
-          {part.trial, part.frame, VecX(part.gradient(free)), MatX(part.hessian(free, free))});
-    const ClusterCovariance c = cluster_covariance(parts);
-    result.condition = c.condition;
-    covariance(free, free) = c.covariance;
-    noise(free) = noise_variances(problem, found.model.hessian(free, free));
-    lost(free) = VecX(c.undetermined.rowwise().squaredNorm());
-  }
-  const double t = student_quantile(0.5 + 0.5 * confidence, clusters - 1);
-  const double normal = student_quantile(0.5 + 0.5 * confidence, kManyDegrees);
-  result.correlation = MatX::Constant(n, n, std::numeric_limits<double>::quiet_NaN());
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const ParameterInfo info = problem.info(static_cast<int>(i));
-    ParameterInterval interval;
-    interval.name = info.name;
-    interval.unit = info.unit;
-    interval.value = from_scaled(info, scaled[i]);
-    interval.half_width = std::max(t * std::sqrt(covariance(i, i)), normal * std::sqrt(noise[i]));
-    interval.at_lower = scaled[i] <= 0;
-    interval.at_upper = scaled[i] >= 1;
-    const bool held = std::find(free.begin(), free.end(), i) == free.end();
-    interval.determined = !held && lost[i] < 1e-6 && interval.half_width <= kWidestHalf;
-    interval.lower = interval.determined ? from_scaled(info, scaled[i] - interval.half_width) : 0;
-    interval.upper =
-        interval.determined ? from_scaled(info, scaled[i] + interval.half_width) : kInfinity;
-    result.intervals.push_back(interval);
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const double scale = std::sqrt(covariance(i, i) * covariance(j, j));
-      if (scale > 0) result.correlation(i, j) = covariance(i, j) / scale;
-    }
-  }
+  std::vector<ParameterInfo> infos;
+  for (int i = 0; i < problem.dimension(); ++i) infos.push_back(problem.info(i));
+  ResidualIntervals intervals = residual_intervals(infos, scaled, found.model, found.parts,
+                                                   problem.residual_count(), confidence);
+  result.intervals = std::move(intervals.intervals);
+  result.correlation = std::move(intervals.correlation);
+  result.condition = intervals.condition;
 }
 
 }  // namespace
