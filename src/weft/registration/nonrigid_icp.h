@@ -58,8 +58,8 @@ struct ScanRegistration {
   double reach = 0;  ///< m, of the last step: at this distance a point has a quarter of its pull
   double landmark_rms = 0;  ///< m; 0 without landmarks
   double strain_rms = 0;    ///< of the cells, along u and v; chords corrected for curvature
-  /// m^4: what the registration minimizes, at a reach of half a cell, points without pull and fabric without points
-  /// included: comparable between starts on one scan.
+  /// m^4: what the registration minimizes, at a reach of half a cell, points without pull and
+  /// fabric without points included: comparable between starts on one scan.
   double cost = 0;
   int rounds = 0;
 
