@@ -7,6 +7,7 @@
 #include "dynamics/elastica.h"
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
+#include "weft/estimate/homogeneous_strip.h"
 #include "weft/estimate/mechanical_fit.h"
 
 namespace weft {
@@ -115,6 +116,63 @@ TEST(SimulateMechanical, CantileverFollowsTheElastica) {
 
 // Another program's equilibria at the parameters that it ran with. Forces of the strip at 45
 // degrees agree to 0.04 % on a fine mesh, shapes of the cantilever to 0.25 mm; this one is coarser.
+/// A strip between two clips, pulled to each elongation in turn; without gravity.
+MechanicalCapture pulled_strip(const VecX& elongations) {
+  MechanicalCapture capture;
+  capture.name = "strip";
+  capture.width = 0.12;
+  capture.height = 0.02;
+  capture.areal_density = 0.1;
+  capture.gravity = Vec3::Zero();
+  capture.frame_count = static_cast<int>(elongations.size());
+  const double free = capture.width - 0.02;
+  for (const double end : {0.0, 1.0}) {
+    MechanicalFixture fixture;
+    fixture.name = end > 0 ? "right" : "left";
+    for (const double e : elongations) {
+      Clip clip;
+      clip.region = {{end * (capture.width - 0.01), 0},
+                     {0.01 + end * (capture.width - 0.01), capture.height}};
+      clip.position = Vec3(0.005 + end * (capture.width - 0.01 + e * free), capture.height / 2, 0);
+      fixture.frames.push_back(clip);
+    }
+    fixture.forces = Points::Zero(3, capture.frame_count);
+    capture.fixtures.push_back(std::move(fixture));
+  }
+  return capture;
+}
+
+// Without coupling the strip is strained alike everywhere, between clips, too: its forces are those
+// of one square of the same law, also on the way back, where friction makes them smaller.
+TEST(SimulateMechanical, FrictionGoesAlongFromFrameToFrame) {
+  Fabric fabric = Fabric::with_defaults("test", "soft-constraints");
+  fabric.set("weft_stretch", 300);
+  for (const char* row : {"weft_stretch_friction", "weft_stretch_friction_scale"})
+    fabric.include(row);
+  fabric.set("weft_stretch_friction", 4);
+  fabric.set("weft_stretch_friction_scale", 0.01);
+  VecX elongations(7);
+  elongations << 0, 0.02, 0.05, 0.08, 0.05, 0.02, 0.04;
+  const auto trial = prepare_mechanical(pulled_strip(elongations), with_cells(3));
+  const auto frames = simulate_mechanical({trial}, fabric, MechanicalDerivatives::all)[0];
+  HomogeneousStrip::Derivatives derivatives;
+  const auto expected =
+      HomogeneousStrip(fabric).pull((elongations.array() + 1).matrix(), &derivatives);
+  for (int k = 0; k < 7; ++k) {
+    const auto& frame = frames[static_cast<std::size_t>(k)];
+    ASSERT_TRUE(frame.converged);
+    const double force = 0.02 * expected[static_cast<std::size_t>(k)].force;
+    EXPECT_NEAR(frame.forces(0, 1), force, 1e-6) << "frame " << k;
+    for (const char* name : {"weft_stretch", "weft_stretch_friction"}) {
+      const int p = fabric.value_index(name);
+      EXPECT_NEAR(frame.force_derivative(3, p), 0.02 * derivatives.force(k, p), 1e-6)
+          << name << ", frame " << k;
+    }
+  }
+  // The loop: loading and unloading through the same elongation differ by twice the friction.
+  EXPECT_NEAR(frames[2].forces(0, 1) - frames[4].forces(0, 1), 0.02 * 8, 0.02 * 8 * 0.06);
+}
+
 TEST(CompareMechanical, TrueParametersReproduceAnotherProgram) {
   const auto strip =
       prepare_mechanical(read_mechanical_capture(kData / "blend_strip_45"), with_cells(6));

@@ -158,7 +158,7 @@ ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& cl
 }
 
 ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
-                                     const Points& x) {
+                                     const Points& x, const MatX& history_derivative) {
   const std::vector<int> clip_of = clip_of_vertices(cloth.mesh(), clips);
   SparseMatrix hessian = cloth.hessian_pattern();
   hessian.coeffs().setZero();
@@ -170,6 +170,8 @@ ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<
   result.inexact = !factorize(cloth.masses(), hessian, cholesky);
   MatX derivative;
   cloth.model().parameter_derivative(x, derivative);
+  if (history_derivative.size() > 0)
+    cloth.model().add_history_derivative(x, history_derivative, derivative);
   result.x = -derivative;
   solve_columns(cholesky, result.x);
   derivative += hessian.selfadjointView<Eigen::Lower>() * result.x;

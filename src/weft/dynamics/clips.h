@@ -87,7 +87,10 @@ struct ClipSensitivities {
 /// derivative g' of the gradient by the parameters:
 ///
 ///     dx_f = -K_ff^-1 g'_f,      dF = sum over the clip's vertices of (g'_c + K_cf dx_f).
+///
+/// `history_derivative`: of the model's history (elastic_model.h), a column a parameter; empty
+/// where it does not depend on them.
 ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
-                                     const Points& x);
+                                     const Points& x, const MatX& history_derivative = {});
 
 }  // namespace weft

@@ -147,13 +147,17 @@ struct Chain {
   std::vector<int> frames;
 };
 
+/// Whether frames depend on those before them.
+enum class Memory { none, friction };
+
 std::vector<Chain> chains_of(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
-                             const MechanicalFrames* near) {
+                             const MechanicalFrames* near, Memory memory) {
   std::vector<Chain> chains;
   for (std::size_t t = 0; t < trials.size(); ++t) {
     for (int frame = 0; frame < trials[t]->capture.frame_count; ++frame) {
       // A shape to start from makes frames independent of each other.
-      if (frame == 0 || trials[t]->geometry || near) chains.push_back({t, {}});
+      const bool alone = memory == Memory::none && (trials[t]->geometry || near);
+      if (frame == 0 || alone) chains.push_back({t, {}});
       chains.back().frames.push_back(frame);
     }
   }
@@ -177,11 +181,23 @@ Points start_of(const MechanicalTrial& trial, int frame, const MechanicalFrame* 
   return interpolate(old.mesh, MaterialLocator(old.mesh), before->x, material) + moved;
 }
 
+/// What internal friction remembers of the frame before.
+struct History {
+  int stage = -1;  ///< whose mesh it is of; -1: none yet
+  VecX values;
+  MatX derivative;  ///< empty without derivatives
+};
+
+/// `history` is that of the frame before, then of this one.
 MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame, const Fabric& fabric,
-                               MechanicalDerivatives derivatives, Points start) {
-  const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame)])];
+                               MechanicalDerivatives derivatives, Points start, History& history) {
+  const int stage_index = trial.stage_of_frame[at(frame)];
+  const MechanicalStage& stage = trial.stages[at(stage_index)];
   const MechanicalCapture& capture = trial.capture;
   const auto model = make_elastic_model(stage.mesh, fabric, capture.grain_angle);
+  const bool remembers = model->history_size() > 0;
+  if (history.stage != stage_index) history = {stage_index, model->history(), {}};
+  if (remembers) model->set_history(history.values);
   const HeavyCloth cloth(*model, capture.areal_density, capture.gravity);
   const std::vector<Clip> clips = capture.clips(frame);
   ClipEquilibrium found = solve_clips(cloth, clips, std::move(start), trial.options.statics);
@@ -197,11 +213,17 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame, const Fa
     result.points = Points::Map(points.data(), 3, points.size() / 3);
   }
   if (derivatives == MechanicalDerivatives::all) {
-    ClipSensitivities s = clip_sensitivities(cloth, clips, found.x);
+    ClipSensitivities s = clip_sensitivities(cloth, clips, found.x, history.derivative);
+    if (remembers) {
+      if (history.derivative.size() == 0)
+        history.derivative = MatX::Zero(model->history_size(), s.x.cols());
+      history.derivative = model->next_history_derivative(found.x, s.x, history.derivative);
+    }
     if (trial.geometry) result.point_derivative = stage.points * s.x;
     result.force_derivative = std::move(s.forces);
     result.inexact = s.inexact;
   }
+  if (remembers) history.values = model->next_history(found.x);
   result.x = std::move(found.x);
   return result;
 }
@@ -300,14 +322,20 @@ MechanicalFrames simulate_mechanical(
     MechanicalDerivatives derivatives, int threads, const MechanicalFrames* near) {
   MechanicalFrames results;
   for (const auto& trial : trials) results.emplace_back(at(trial->capture.frame_count));
-  const std::vector<Chain> chains = chains_of(trials, near);
+  const auto remembers = [&](const auto& trial) {
+    return make_elastic_model(trial->stages.front().mesh, fabric)->history_size() > 0;
+  };
+  const Memory memory =
+      !trials.empty() && remembers(trials.front()) ? Memory::friction : Memory::none;
+  const std::vector<Chain> chains = chains_of(trials, near, memory);
   parallel_for(chains.size(), threads, [&](std::size_t i) {
     const MechanicalFrame* before = nullptr;
+    History history;
     for (const int frame : chains[i].frames) {
       const std::size_t t = chains[i].trial;
       MechanicalFrame& result = results[t][at(frame)];
       Points start = near ? (*near)[t][at(frame)].x : start_of(*trials[t], frame, before);
-      result = simulate_frame(*trials[t], frame, fabric, derivatives, std::move(start));
+      result = simulate_frame(*trials[t], frame, fabric, derivatives, std::move(start), history);
       before = &result;
     }
   });

@@ -77,8 +77,9 @@ using MechanicalFrames = std::vector<std::vector<MechanicalFrame>>;
 /// there (of the same trials, for a similar fabric). Otherwise a frame with a measured shape starts
 /// from it; otherwise the first starts between the clips (blend_of_clips) and each later one where
 /// the one before ended, moved along with the clips. A frame without equilibrium holds what was
-/// reached. Results do not depend on the number of threads. Throws Error for a fabric that is no
-/// elastic model, or whose values the model refuses.
+/// reached. Internal friction goes along from frame to frame, from flat before the first; where the
+/// clips hold other regions than before, and so on another mesh, it starts from flat again. Results
+/// do not depend on the number of threads. Throws Error where the model refuses the values.
 MechanicalFrames simulate_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
     MechanicalDerivatives derivatives = MechanicalDerivatives::none, int threads = 0,
