@@ -108,8 +108,7 @@ void add_cusick(CLI::App& app) {
       "cusick", "drape coefficient and lobes: of a fabric, simulated, or of a shadow's picture");
   auto arguments = std::make_shared<Arguments>();
   DrapeOptions& options = arguments->options;
-  command->add_option("fabric", arguments->fabric,
-                      "file or preset, of any model but springs");
+  command->add_option("fabric", arguments->fabric, "file or preset, of any model but springs");
   command
       ->add_option("--areal-density", arguments->areal_density,
                    "kg/m^2; default: that of the fabric")
