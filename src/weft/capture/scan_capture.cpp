@@ -96,7 +96,7 @@ class ScanReader {
   /// An existing file that a key names; empty without the key.
   std::filesystem::path file_named(const TomlTable& table, std::string_view key) const {
     if (!table.has(key)) return {};
-    const std::filesystem::path path = folder_ / table.string(key);
+    std::filesystem::path path = folder_ / table.string(key);
     if (!std::filesystem::is_regular_file(path))
       throw error_at(table.where(key), fmt::format("no such file: {}", path.string()));
     return path;
