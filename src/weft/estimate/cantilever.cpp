@@ -368,7 +368,7 @@ CantileverFit fit_cantilever(const MaterialPoints& profile, double weight, BendT
   const double angle = std::clamp(std::atan2(-chord.y(), chord.x()), 0.02, 1.3);
   const double guess = rigidity_of_overhang(weight, length, angle);
   const CantileverResiduals constant(profile, weight, BendTerms::constant, 0);
-  const CantileverFit first = fit_terms(constant, constant.start(guess, 0));
+  CantileverFit first = fit_terms(constant, constant.start(guess, 0));
   if (terms == BendTerms::constant) return first;
   const double largest =
       heavy_elastica(first.law, weight, length, first.root_angle).curvature.maxCoeff();
