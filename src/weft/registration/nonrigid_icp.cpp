@@ -96,7 +96,7 @@ Vec3 nearest_in_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3
 /// A symmetric 3 n x 3 n matrix, lower triangle, addressed by pairs of vertices.
 class BlockMatrix {
  public:
-  BlockMatrix(int vertices, std::vector<std::pair<int, int>> pairs)
+  BlockMatrix(int vertices, const std::vector<std::pair<int, int>>& pairs)
       : later_(vertices_of(vertices)) {
     for (const auto& [a, b] : pairs) {
       if (a != b) later_[static_cast<std::size_t>(std::min(a, b))].push_back(std::max(a, b));
