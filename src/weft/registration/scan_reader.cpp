@@ -103,7 +103,7 @@ struct PointList {
 
 Vec3 vector_of(const std::vector<double>& numbers, std::size_t first, const fs::path& path,
                int line) {
-  const Vec3 v(numbers[first], numbers[first + 1], numbers[first + 2]);
+  Vec3 v(numbers[first], numbers[first + 1], numbers[first + 2]);
   if (!v.allFinite()) throw error_at({path, line, {}}, "a position that is not finite");
   return v;
 }

@@ -213,6 +213,7 @@ Picture shape_picture(const TriangleMesh& mesh, const Points& x, const VecX& val
     const ImagePoint pa = project(a), pb = project(b), pc = project(c);
     BarycentricGradient barycentric{};
     if (!barycentric.set(pa, pb, pc)) continue;
+    const float first_height = height(a), first_value = value(a);
     const ImagePoint rise = barycentric.of(height(a), height(b), height(c));
     const ImagePoint slope = barycentric.of(value(a), value(b), value(c));
     const Vec3 normal = Vec3(x.col(b) - x.col(a)).cross(Vec3(x.col(c) - x.col(a))).normalized();
@@ -223,10 +224,10 @@ Picture shape_picture(const TriangleMesh& mesh, const Points& x, const VecX& val
         const float dy = static_cast<float>(row) + 0.5f - pa.y;
         const auto at = static_cast<std::size_t>(row) * static_cast<std::size_t>(frame.width) +
                         static_cast<std::size_t>(column);
-        const float z = height(a) + rise.x * dx + rise.y * dy;
+        const float z = first_height + rise.x * dx + rise.y * dy;
         if (z <= depth[at]) continue;
         depth[at] = z;
-        const double v = static_cast<double>(value(a) + slope.x * dx + slope.y * dy);
+        const double v = static_cast<double>(first_value + slope.x * dx + slope.y * dy);
         const Rgb colour =
             shaded(values.size() > 0 ? colour_at(ColourMap::viridis, v / full) : Rgb{190, 194, 200},
                    light);
