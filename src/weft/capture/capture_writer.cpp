@@ -7,6 +7,7 @@
 
 #include "weft/base/error.h"
 #include "weft/capture/capture.h"
+#include "weft/capture/capture_text.h"
 #include "weft/capture/srgb.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/vision/video.h"
@@ -14,39 +15,12 @@
 namespace weft {
 namespace {
 
+using detail::make_folder, detail::toml_string, detail::write_text;
+
 constexpr std::string_view kMotionFile = "fixtures.csv";
 /// Samples of motion a frame: a spline through them follows the one that is written at least as
 /// closely as the cloth can tell, and repeats it where its own samples are at frame times.
 constexpr int kSamplesPerFrame = 4;
-
-void write_text(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream stream(path, std::ios::binary);
-  stream << text;
-  stream.close();
-  if (!stream) throw error_at({path, 0, {}}, "cannot be written");
-}
-
-void make_folder(const std::filesystem::path& folder) {
-  std::error_code status;
-  std::filesystem::create_directories(folder, status);
-  if (status) throw error_at({folder, 0, {}}, "cannot be made: " + status.message());
-}
-
-/// A TOML basic string.
-std::string toml_string(std::string_view text) {
-  std::string result = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      result += '\\';
-      result += c;
-    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
-      result += fmt::format("\\u{:04x}", static_cast<unsigned>(static_cast<unsigned char>(c)));
-    } else {
-      result += c;
-    }
-  }
-  return result + '"';
-}
 
 /// The shortest text that reads back as the same double.
 std::string number(double value) { return fmt::format("{}", value); }

@@ -8,10 +8,13 @@
 #include <numbers>
 
 #include "weft/base/error.h"
+#include "weft/capture/capture_text.h"
 #include "weft/mesh/mesh_io.h"
 
 namespace weft {
 namespace {
+
+using detail::make_folder, detail::toml_string, detail::write_text;
 
 constexpr std::string_view kClipsFile = "clips.csv";
 constexpr std::array<std::string_view, 7> kPose{"px", "py", "pz", "qw", "qx", "qy", "qz"};
@@ -19,33 +22,6 @@ constexpr std::array<std::string_view, 3> kForce{"fx", "fy", "fz"};
 constexpr std::array<std::string_view, 4> kRegion{"u0", "v0", "u1", "v1"};
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
-void write_text(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream stream(path, std::ios::binary);
-  stream << text;
-  stream.close();
-  if (!stream) throw error_at({path, 0, {}}, "cannot be written");
-}
-
-void make_folder(const std::filesystem::path& folder) {
-  std::error_code status;
-  std::filesystem::create_directories(folder, status);
-  if (status) throw error_at({folder, 0, {}}, "cannot be made: " + status.message());
-}
-
-/// A TOML basic string.
-std::string toml_string(std::string_view text) {
-  std::string result = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\')
-      (result += '\\') += c;
-    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
-      result += fmt::format("\\u{:04x}", static_cast<unsigned>(static_cast<unsigned char>(c)));
-    else
-      result += c;
-  }
-  return result + '"';
-}
 
 std::string rectangle(const MaterialRectangle& r) {
   return fmt::format("[[{}, {}], [{}, {}]]", r.lower.x(), r.lower.y(), r.upper.x(), r.upper.y());

@@ -10,6 +10,7 @@
 
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
+#include "weft/capture/capture_text.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
 
@@ -258,27 +259,12 @@ Points read_frame(const ScanTarget& target, int vertices) {
   return x;
 }
 
-void write_text(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream stream(path, std::ios::binary);
-  stream << text;
-  stream.close();
-  if (!stream) throw error_at({path, 0, {}}, "cannot be written");
-}
-
-std::string quoted(const std::string& text) {
-  std::string result = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') result += '\\';
-    result += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-  }
-  return result + '"';
-}
-
 std::string clamp_text(const ScanClamp& clamp) {
   std::string text = fmt::format(
       "\n  [[target.clamp]]\n  name = {}\n  kind = \"{}\"\n  region = [[{}, {}], [{}, {}]]\n",
-      quoted(clamp.name), clamp.kind == ClampKind::bar ? "bar" : "points", clamp.region.lower.x(),
-      clamp.region.lower.y(), clamp.region.upper.x(), clamp.region.upper.y());
+      detail::toml_string(clamp.name), clamp.kind == ClampKind::bar ? "bar" : "points",
+      clamp.region.lower.x(), clamp.region.lower.y(), clamp.region.upper.x(),
+      clamp.region.upper.y());
   if (clamp.force)
     text += fmt::format("  force = {}\n  force_noise = {}\n", *clamp.force, clamp.force_noise);
   return text;
@@ -319,14 +305,12 @@ void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& 
                         const std::vector<ScanShape>& shapes) {
   if (shapes.size() != capture.targets.size())
     throw Error(fmt::format("{} shapes for {} targets", shapes.size(), capture.targets.size()));
-  std::error_code status;
-  std::filesystem::create_directories(folder, status);
-  if (status) throw error_at({folder, 0, {}}, "cannot be made: " + status.message());
+  detail::make_folder(folder);
   std::string text = fmt::format(
       "format = \"weft-capture\"\nversion = 1\nkind = \"scan\"\nname = {}\ndescription = {}\n\n"
       "[swatch]\nwidth = {}\nheight = {}\nareal_density = {}\ngrain_angle_deg = {}\n",
-      quoted(capture.name), quoted(capture.description), capture.width, capture.height,
-      capture.areal_density, capture.grain_angle * 180 / std::numbers::pi);
+      detail::toml_string(capture.name), detail::toml_string(capture.description), capture.width,
+      capture.height, capture.areal_density, capture.grain_angle * 180 / std::numbers::pi);
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     const ScanTarget& target = capture.targets[i];
     const ScanShape& shape = shapes[i];
@@ -335,8 +319,8 @@ void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& 
     text += fmt::format(
         "\n[[target]]\nname = {}\ngrid = \"{}.obj\"\nnoise = {}\ngravity = [{}, {}, "
         "{}]\n",
-        quoted(target.name), stem, target.noise, target.gravity.x(), target.gravity.y(),
-        target.gravity.z());
+        detail::toml_string(target.name), stem, target.noise, target.gravity.x(),
+        target.gravity.y(), target.gravity.z());
     if (shape.start) {
       write_obj(folder / (stem + "_start.obj"), shape.mesh, *shape.start, target.name);
       text += fmt::format("start = \"{}_start.obj\"\n", stem);
@@ -344,12 +328,12 @@ void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& 
     if (shape.weights.size() > 0 && (shape.weights.array() != 1).any()) {
       std::string weights = "weight\n";
       for (const double w : shape.weights) weights += fmt::format("{}\n", w);
-      write_text(folder / (stem + "_weights.csv"), weights);
+      detail::write_text(folder / (stem + "_weights.csv"), weights);
       text += fmt::format("weights = \"{}_weights.csv\"\n", stem);
     }
     for (const ScanClamp& clamp : target.clamps) text += clamp_text(clamp);
   }
-  write_text(folder / "capture.toml", text);
+  detail::write_text(folder / "capture.toml", text);
 }
 
 }  // namespace weft

@@ -6,15 +6,13 @@
 #include <cmath>
 
 #include "weft/base/error.h"
-#include "weft/dynamics/sparse_cholesky.h"
+#include "weft/dynamics/equilibrium_derivatives.h"
 
 namespace weft {
 namespace {
 
-constexpr double kOnBorder = 1e-7;             // m
-constexpr double kLeastRegularization = 1e-6;  // 1/s^2, as of an equilibrium
-constexpr double kMostRegularization = 1e12;   // 1/s^2
-constexpr double kLeastDistance = 1e-6;        // m, of a point from a clip, for its weight
+constexpr double kOnBorder = 1e-7;       // m
+constexpr double kLeastDistance = 1e-6;  // m, of a point from a clip, for its weight
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -36,33 +34,6 @@ void sum_reactions(const Points& gradient, const std::vector<int>& clip_of,
     const Vec3 arm = result.x.col(i) - clips[at(clip)].position;
     result.forces.col(clip) += force;
     result.torques.col(clip) += arm.cross(force);
-  }
-}
-
-/// The exact Hessian factorized, with as little of the mass matrix added as makes it positive
-/// definite. False if it is not positive definite by itself.
-bool factorize(const VecX& masses, SparseMatrix hessian, SparseCholesky<double>& cholesky) {
-  const std::vector<int> diagonal = diagonal_slots(hessian);
-  double added = 0;
-  for (double wanted = kLeastRegularization; wanted < kMostRegularization; wanted *= 10) {
-    for (std::size_t i = 0; i < diagonal.size(); ++i)
-      hessian.valuePtr()[diagonal[i]] +=
-          (wanted - added) * masses[static_cast<Eigen::Index>(i / 3)];
-    added = wanted;
-    if (cholesky.factorize(hessian)) return wanted == kLeastRegularization;
-  }
-  throw Error("equilibrium: the stiffness matrix cannot be factorized; it is not finite");
-}
-
-/// Solves for all columns of `b` (3 n x any), kDirections at a time.
-void solve_columns(const SparseCholesky<double>& cholesky, MatX& b) {
-  Directions block = Directions::Zero(b.rows(), kDirections);
-  for (Eigen::Index first = 0; first < b.cols(); first += kDirections) {
-    const Eigen::Index count = std::min<Eigen::Index>(kDirections, b.cols() - first);
-    block.setZero();
-    block.leftCols(count) = b.middleCols(first, count);
-    cholesky.solve(block);
-    b.middleCols(first, count) = block.leftCols(count);
   }
 }
 
@@ -160,21 +131,12 @@ ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& cl
 ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
                                      const Points& x, const MatX& history_derivative) {
   const std::vector<int> clip_of = clip_of_vertices(cloth.mesh(), clips);
-  SparseMatrix hessian = cloth.hessian_pattern();
-  hessian.coeffs().setZero();
-  Points gradient;
-  cloth.hessian(x, HessianKind::exact, gradient, hessian);
-  SparseCholesky<double> cholesky(hessian, flags_of_held(clip_of), cloth.mesh().material);
-
+  detail::EquilibriumDerivatives found =
+      detail::equilibrium_derivatives(cloth, flags_of_held(clip_of), x, history_derivative);
+  const MatX& derivative = found.gradient;
   ClipSensitivities result;
-  result.inexact = !factorize(cloth.masses(), hessian, cholesky);
-  MatX derivative;
-  cloth.model().parameter_derivative(x, derivative);
-  if (history_derivative.size() > 0)
-    cloth.model().add_history_derivative(x, history_derivative, derivative);
-  result.x = -derivative;
-  solve_columns(cholesky, result.x);
-  derivative += hessian.selfadjointView<Eigen::Lower>() * result.x;
+  result.x = std::move(found.x);
+  result.inexact = found.inexact;
   result.forces = MatX::Zero(3 * static_cast<Eigen::Index>(clips.size()), derivative.cols());
   for (std::size_t i = 0; i < clip_of.size(); ++i) {
     if (clip_of[i] < 0) continue;

@@ -6,18 +6,13 @@
 
 #include "weft/dynamics/clips.h"
 #include "weft/model/bending.h"
+#include "weft/model/sheet_model.h"
 #include "weft/strain/triangle_shape.h"
 
 namespace weft {
 namespace {
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-/// The mesh with (u, v) along the threads.
-TriangleMesh along_threads(TriangleMesh mesh, double grain_angle) {
-  mesh.material = Eigen::Rotation2Dd(-grain_angle).toRotationMatrix() * mesh.material;
-  return mesh;
-}
 
 /// A frame's share of the samples.
 void add_frame(const TriangleMesh& mesh, const std::vector<BendingElement>& plates,
@@ -52,7 +47,7 @@ std::array<StrainSample, 5> strain_samples(const MechanicalTrial& trial,
   std::array<StrainSample, 5> samples;
   for (std::size_t s = 0; s < trial.stages.size(); ++s) {
     const MechanicalStage& stage = trial.stages[s];
-    const TriangleMesh mesh = along_threads(stage.mesh, trial.capture.grain_angle);
+    const TriangleMesh mesh = detail::along_the_threads(stage.mesh, trial.capture.grain_angle);
     const auto plates = bending_elements(mesh);
     for (const MechanicalFrame& frame : frames) {
       if (trial.stage_of_frame[at(frame.frame)] != static_cast<int>(s) || !frame.converged)

@@ -1,0 +1,21 @@
+#pragma once
+#include <vector>
+
+#include "weft/dynamics/clips.h"
+
+namespace weft::detail {
+
+/// Derivatives of an equilibrium by all parameters of the model (implicit function theorem, as in
+/// clips.h): a row a coordinate, a column a parameter.
+struct EquilibriumDerivatives {
+  MatX x;                ///< m per unit; zero where vertices are held
+  MatX gradient;         ///< of the force that holds each vertex, N per unit; zero where it is free
+  bool inexact = false;  ///< the Hessian had to be made positive definite
+};
+/// `held`: flags of the vertices; `history_derivative` as in clip_sensitivities(). Throws Error for
+/// a Hessian that is not finite.
+EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth,
+                                               const std::vector<char>& held, const Points& x,
+                                               const MatX& history_derivative = {});
+
+}  // namespace weft::detail
