@@ -95,7 +95,7 @@ std::string fixtures_text(const Capture& capture) {
 std::string motion_text(const Capture& capture) {
   std::string text = "time_s";
   for (std::size_t i = 0; i < capture.fixtures.size(); ++i) {
-    for (const char axis : {'x', 'y', 'z'}) text += "," + fixture_column(i, axis);
+    for (const char axis : {'x', 'y', 'z'}) (text += ',') += fixture_column(i, axis);
   }
   text += "\n";
   for (int sample = 0; sample <= (capture.frame_count - 1) * kSamplesPerFrame; ++sample) {
