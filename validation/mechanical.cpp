@@ -1,8 +1,8 @@
 /// Mechanical captures of known parameters, against the model at the true parameters and against
 /// fits from wrong ones.
 ///
-///     weft_validate_mechanical DATA [truth] [refinement] [fit] [strips] [--cells N] [--fabric
-///     NAME]
+///     weft_validate_mechanical DATA [truth] [refinement] [fit] [strips] [models]
+///                              [--cells N] [--fabric NAME] [--starts N]
 ///
 /// DATA: a folder with FABRIC_TEST/capture.toml for the tests stretch_u, stretch_v, shear, bend_u,
 /// bend_v and strip_00 to strip_90, each with truth/parameters.toml (membrane A11, A12, A22, A66 in
@@ -17,10 +17,13 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
+#include "weft/estimate/curve_fit.h"
 #include "weft/estimate/mechanical_fit.h"
 
 namespace weft {
@@ -35,6 +38,13 @@ constexpr Truth kTruth[] = {
     {"bending", "D11", "bend_uu"},      {"bending", "D12", "bend_uv"},
     {"bending", "D22", "bend_vv"},      {"bending", "D66", "bend_twist"},
 };
+/// What models of separate threads start from, of the truth.
+constexpr std::pair<std::string_view, std::string_view> kThreads[] = {
+    {"weft_stretch", "membrane_uu"}, {"warp_stretch", "membrane_vv"},
+    {"shear", "membrane_shear"},     {"weft_bend", "bend_uu"},
+    {"warp_bend", "bend_vv"},        {"diagonal_bend", "bend_twist"}};
+/// Of springs, whose bends mean nothing on another mesh, N/m.
+constexpr double kSpringBend = 100;
 constexpr const char* kIsolatedTests[] = {"stretch_u", "stretch_v", "shear", "bend_u", "bend_v"};
 constexpr const char* kFittedStrips[] = {"strip_00", "strip_45", "strip_90"};
 constexpr const char* kPredictedStrips[] = {"strip_15", "strip_30", "strip_60", "strip_75"};
@@ -190,6 +200,34 @@ void strip_fit(const Arguments& arguments, const std::string& fabric) {
     print_difference(predicted[i]->capture.name, *predicted[i], frames[i]);
 }
 
+/// Linear and with curves, each model fitted to the tests that isolate a strain, from values five
+/// times too large: what it leaves.
+void other_models(const Arguments& arguments, const std::string& name) {
+  std::vector<std::shared_ptr<const MechanicalTrial>> trials;
+  for (const char* test : kIsolatedTests)
+    trials.push_back(trial_of(arguments, name, test, arguments.options));
+  const Fabric truth = true_fabric(trials.front()->capture);
+  for (const char* model : {"stvk-diagonal", "soft-constraints", "springs"})
+    for (const CurveShape shape : {CurveShape::linear, CurveShape::subdivided}) {
+      Fabric start = Fabric::with_defaults(name, model);
+      for (const auto& [row, of_truth] : kThreads) {
+        const bool bend = row.ends_with("bend");
+        start.set(row,
+                  5 * (bend && start.model == "springs" ? kSpringBend : truth.value(of_truth)));
+      }
+      CurveFitOptions options;
+      options.shape = shape;
+      const CurveFitResult found = fit_curves(trials, start, {}, options);
+      fmt::print("\n{}: {}, {}: error {:.4g}, {} evaluations, {:.0f} s\n", name, model,
+                 shape == CurveShape::linear ? "constants" : "curves", found.fit.cost,
+                 found.fit.evaluations, found.fit.wall_s);
+      print_difference_header();
+      const auto frames = simulate_mechanical(trials, found.fit.fabric);
+      for (std::size_t i = 0; i < trials.size(); ++i)
+        print_difference(trials[i]->capture.name, *trials[i], frames[i]);
+    }
+}
+
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
   for (int i = 1; i < argc; ++i) {
@@ -208,8 +246,8 @@ Arguments parse(int argc, char** argv) {
   if (arguments.data.empty())
     throw Error(
         "usage: weft_validate_mechanical DATA [truth] [refinement] [fit] [strips] "
-        "[--cells N] [--fabric NAME] [--starts N]");
-  if (arguments.parts.empty()) arguments.parts = {"truth", "refinement", "fit", "strips"};
+        "[models] [--cells N] [--fabric NAME] [--starts N]");
+  if (arguments.parts.empty()) arguments.parts = {"truth", "refinement", "fit", "strips", "models"};
   return arguments;
 }
 
@@ -221,6 +259,7 @@ void run(const Arguments& arguments) {
   for (const std::string& fabric : arguments.fabrics) {
     if (arguments.has("fit")) isolated_fit(arguments, fabric);
     if (arguments.has("strips")) strip_fit(arguments, fabric);
+    if (arguments.has("models")) other_models(arguments, fabric);
   }
   fmt::print("\n{:.0f} s\n", seconds_since(begin));
 }
