@@ -24,6 +24,7 @@
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
+#include "weft/base/text_file.h"
 #include "weft/estimate/least_squares_fit.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/estimate/variability.h"

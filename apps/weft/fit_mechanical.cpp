@@ -11,6 +11,7 @@
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
 #include "weft/base/random.h"
+#include "weft/base/text_file.h"
 #include "weft/estimate/mechanical_fit.h"
 #include "weft/report/report_html.h"
 #include "weft/report/result.h"

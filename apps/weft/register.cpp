@@ -14,6 +14,7 @@
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
+#include "weft/base/text_file.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/landmarks.h"

@@ -8,9 +8,9 @@
 #include <numbers>
 #include <set>
 
+#include "weft/base/text_file.h"
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
-#include "weft/capture/capture_text.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
 
@@ -262,7 +262,7 @@ Points read_frame(const ScanTarget& target, int vertices) {
 std::string clamp_text(const ScanClamp& clamp) {
   std::string text = fmt::format(
       "\n  [[target.clamp]]\n  name = {}\n  kind = \"{}\"\n  region = [[{}, {}], [{}, {}]]\n",
-      detail::toml_string(clamp.name), clamp.kind == ClampKind::bar ? "bar" : "points",
+      toml_string(clamp.name), clamp.kind == ClampKind::bar ? "bar" : "points",
       clamp.region.lower.x(), clamp.region.lower.y(), clamp.region.upper.x(),
       clamp.region.upper.y());
   if (clamp.force)
@@ -305,12 +305,12 @@ void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& 
                         const std::vector<ScanShape>& shapes) {
   if (shapes.size() != capture.targets.size())
     throw Error(fmt::format("{} shapes for {} targets", shapes.size(), capture.targets.size()));
-  detail::make_folder(folder);
+  make_folder(folder);
   std::string text = fmt::format(
       "format = \"weft-capture\"\nversion = 1\nkind = \"scan\"\nname = {}\ndescription = {}\n\n"
       "[swatch]\nwidth = {}\nheight = {}\nareal_density = {}\ngrain_angle_deg = {}\n",
-      detail::toml_string(capture.name), detail::toml_string(capture.description), capture.width,
-      capture.height, capture.areal_density, capture.grain_angle * 180 / std::numbers::pi);
+      toml_string(capture.name), toml_string(capture.description), capture.width, capture.height,
+      capture.areal_density, capture.grain_angle * 180 / std::numbers::pi);
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     const ScanTarget& target = capture.targets[i];
     const ScanShape& shape = shapes[i];
@@ -319,8 +319,8 @@ void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& 
     text += fmt::format(
         "\n[[target]]\nname = {}\ngrid = \"{}.obj\"\nnoise = {}\ngravity = [{}, {}, "
         "{}]\n",
-        detail::toml_string(target.name), stem, target.noise, target.gravity.x(),
-        target.gravity.y(), target.gravity.z());
+        toml_string(target.name), stem, target.noise, target.gravity.x(), target.gravity.y(),
+        target.gravity.z());
     if (shape.start) {
       write_obj(folder / (stem + "_start.obj"), shape.mesh, *shape.start, target.name);
       text += fmt::format("start = \"{}_start.obj\"\n", stem);
@@ -328,12 +328,12 @@ void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& 
     if (shape.weights.size() > 0 && (shape.weights.array() != 1).any()) {
       std::string weights = "weight\n";
       for (const double w : shape.weights) weights += fmt::format("{}\n", w);
-      detail::write_text(folder / (stem + "_weights.csv"), weights);
+      write_text(folder / (stem + "_weights.csv"), weights);
       text += fmt::format("weights = \"{}_weights.csv\"\n", stem);
     }
     for (const ScanClamp& clamp : target.clamps) text += clamp_text(clamp);
   }
-  detail::write_text(folder / "capture.toml", text);
+  write_text(folder / "capture.toml", text);
 }
 
 }  // namespace weft
