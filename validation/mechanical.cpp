@@ -140,6 +140,12 @@ Fabric wrong_fabric(const Fabric& truth, const Start& start) {
   return fabric;
 }
 
+MechanicalFitOptions with_mesh_error() {
+  MechanicalFitOptions options;
+  options.mesh_error = MechanicalFitOptions::MeshError::included;
+  return options;
+}
+
 void print_fit(const MechanicalFitResult& fit, const Fabric& truth, const std::string& title) {
   fmt::print("\n{}: error {:.4g} (start {:.4g}), {} evaluations, {:.0f} s\n", title, fit.cost,
              fit.cost_start, fit.evaluations, fit.wall_s);
@@ -172,7 +178,8 @@ void isolated_fit(const Arguments& arguments, const std::string& fabric) {
   const std::size_t starts = std::min(arguments.starts, std::size(kStarts));
   for (const Start& start : std::span(kStarts).first(starts)) {
     const MechanicalProblem problem(trials, truth, parameters(true));
-    const MechanicalFitResult fit = fit_mechanical(problem, wrong_fabric(truth, start));
+    const MechanicalFitResult fit =
+        fit_mechanical(problem, wrong_fabric(truth, start), with_mesh_error());
     print_fit(fit, truth,
               fmt::format("{}: joint fit to stretch, shear and bend from {}", fabric, start.name));
     if (&start != &kStarts[0]) continue;
@@ -192,7 +199,8 @@ void strip_fit(const Arguments& arguments, const std::string& fabric) {
   const Fabric truth = true_fabric(fitted.front()->capture);
   // Strips in their plane do not bend.
   const MechanicalProblem problem(fitted, truth, parameters(false));
-  const MechanicalFitResult fit = fit_mechanical(problem, wrong_fabric(truth, {"", 5, 1}));
+  const MechanicalFitResult fit =
+      fit_mechanical(problem, wrong_fabric(truth, {"", 5, 1}), with_mesh_error());
   print_fit(fit, truth, fabric + ": fit to the strips at 0, 45 and 90 degrees from all x 5");
   fmt::print("prediction of the other angles\n");
   print_difference_header();

@@ -43,6 +43,7 @@ struct Arguments {
   RigOptions rig;
   int starts = 1;
   int threads = 0;
+  MechanicalFitOptions::MeshError mesh_error = MechanicalFitOptions::MeshError::included;
   std::string skip;  ///< a component that is not searched and starts at the truth
   bool has(const std::string& part) const {
     return std::find(parts.begin(), parts.end(), part) != parts.end();
@@ -186,6 +187,7 @@ CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const
   const double before = cpu_seconds();
   CurveFitOptions chosen = options;
   chosen.threads = arguments.threads;
+  chosen.fit.mesh_error = arguments.mesh_error;
   std::string last;
   std::vector<std::string> rows = kRows;
   std::erase(rows, arguments.skip);

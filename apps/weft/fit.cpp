@@ -388,11 +388,12 @@ void run(const Arguments& arguments) {
   if (fit.stopped) throw CLI::RuntimeError(stopped_early);
 }
 
+constexpr const char* kNoMeshError = "--no-mesh-error";
 const std::vector<std::string> kVideoFitOptions{
     "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",
     "--iterations", "--simplex", "--no-variability", "--variability-curves"};
 const std::vector<std::string> kMechanicalFitOptions{"--residuals", "--force-noise",
-                                                     "--point-noise"};
+                                                     "--point-noise", kNoMeshError};
 
 void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
@@ -453,6 +454,7 @@ void run_by_kind(Arguments& arguments, const CLI::App& command) {
     refuse_options(command, MechanicalArguments::names(), "videos");
     refuse_options(command, kMechanicalFitOptions, "videos");
   } else {
+    refuse_options(command, {kNoMeshError}, "videos");
     // The tests say where to start.
     refuse_options(command, {"--start", "--coarse", "--coarse-levels", "--coarse-frames"},
                    "videos with mechanical captures");
@@ -549,6 +551,10 @@ void add_fit(CLI::App& app) {
                    "mechanical captures: standard deviation of a coordinate, m")
       ->check(number_in(1e-9, 1))
       ->capture_default_str();
+  command->add_flag(
+      kNoMeshError, mechanical.no_mesh_error,
+      "mechanical captures: intervals without what the width of the cells does, which "
+      "one evaluation on cells of half the width tells");
   arguments->scan.add_to(*command);
   arguments->scan_fit.add_to(*command);
   command->footer(
