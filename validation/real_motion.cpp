@@ -102,10 +102,14 @@ void write_distances(const std::filesystem::path& path, const std::string& title
 
 void print_intervals(const MotionFitResult& fit) {
   for (const ParameterInterval& i : fit.intervals)
-    fmt::print("  {:<20} {:>10.4g} {:<10} 90 %: {:.4g} to {:.4g}{}\n", i.name, i.value, i.unit,
-               i.lower, i.upper, i.determined ? "" : "   (not determined)");
-  fmt::print("  cost {:.4g} -> {:.4g}, {} iterations, {:.1f} s; inexact derivatives {}\n",
-             fit.cost_start, fit.cost, fit.iterations, fit.wall_s, fit.inexact);
+    fmt::print("  {:<20} {:>10.4g} {:<10} {}\n", i.name, i.value, i.unit,
+               i.determined               ? fmt::format("90 %: {:.4g} to {:.4g}", i.lower, i.upper)
+               : i.at_lower || i.at_upper ? "at a bound"
+                                          : "not determined");
+  fmt::print(
+      "  cost {:.4g} -> {:.4g}, {} iterations, {:.1f} s; condition {:.1g}, inexact derivatives "
+      "{}\n",
+      fit.cost_start, fit.cost, fit.iterations, fit.wall_s, fit.condition, fit.inexact);
 }
 
 namespace {

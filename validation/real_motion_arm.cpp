@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <optional>
 
@@ -25,6 +26,8 @@ constexpr int kStepsPerNode = 2;
 constexpr int kVertices = 11;         // along a side
 constexpr double kEdgeScale = 0.015;  // m, where the weight of a tracked point is a quarter
 constexpr double kPriorFactor = 5;
+constexpr double kGravity = 9.81;  // m/s^2
+constexpr double kMostAddedMass = 4;
 
 /// The tracker finds the corners of the cloth in each frame and lays a grid between them: points
 /// slide on the cloth by centimetres where a corner was missed, and lie off it by some millimetres.
@@ -232,11 +235,35 @@ MotionTrial trial_of(const Recording& r, const Bar& bar, const MotionTracks& tra
     scene.fixtures.push_back({"bar", column, r.arm->path(bar.at(scene.mesh.material(0, column)))});
   for (double t = r.begin; t < r.end + kNode; t += kNode) scene.frame_times.push_back(t);
   trial.simulation.steps_per_frame = kStepsPerNode;
+  trial.simulation.newton_tolerance = 1e-6;
   trial.tracks = tracks;
   return trial;
 }
 
-MotionUnknowns unknowns_of(double delay) {
+/// Whether air that moves with the cloth may add to its inertia.
+enum class AirMass { none, unknown };
+
+/// Air that adds a times the cloth's mass to its inertia, and no weight, is gravity of 1 / (1 + a)
+/// for cloth of 1 + a times the density.
+SceneUnknown added_mass() {
+  SceneUnknown unknown;
+  unknown.info = {"added_mass",
+                  "1",
+                  0,
+                  kMostAddedMass,
+                  0,
+                  Scale::linear,
+                  "Inertia of the air that moves with the cloth over that of the cloth.",
+                  ""};
+  unknown.initial = 0.2;
+  unknown.apply = [](double a, MotionExperiment& e) {
+    e.scene.gravity = Vec3(0, 0, -kGravity / (1 + a));
+  };
+  unknown.step = 0.01;
+  return unknown;
+}
+
+MotionUnknowns unknowns_of(double delay, AirMass air_mass) {
   MotionUnknowns unknowns;
   for (const ParameterInfo& p : baraff_witkin_parameters()) {
     unknowns.free.emplace_back(p.name);
@@ -246,6 +273,7 @@ MotionUnknowns unknowns_of(double delay) {
   unknowns.delay_lower = 0;
   unknowns.delay_upper = kLongestDelay;
   unknowns.delay_initial = delay;
+  if (air_mass == AirMass::unknown) unknowns.scene = {added_mass()};
   return unknowns;
 }
 
@@ -272,19 +300,23 @@ struct Subject {
   MotionTrial all;  // with every frame
 };
 
-std::vector<Points> predict(const Subject& s, const Fabric& fabric, double delay) {
-  const MotionProblem problem({s.all}, default_fabric(), unknowns_of(delay), kNoise);
-  const auto found = problem.simulate(problem.scaled(fabric));
+MotionProblem problem_of(std::vector<MotionTrial> trials, double delay, AirMass air_mass) {
+  return {std::move(trials), default_fabric(), unknowns_of(delay, air_mass), kNoise};
+}
+
+std::vector<Points> predict(const Subject& s, const MotionProblem& problem, const VecX& scaled) {
+  const auto found = problem.simulate(scaled);
   if (found[0].diverged) throw Error(s.recording.name + ": diverged: " + found[0].divergence);
   return found[0].position;
 }
 
 struct Found {
   std::string name;
+  AirMass air_mass = AirMass::none;
   MotionFitResult fit;
 };
 
-Found fit(const std::string& name, const std::vector<const Subject*>& subjects) {
+Found fit(const std::string& name, const std::vector<const Subject*>& subjects, AirMass air_mass) {
   std::vector<MotionTrial> trials;
   double delay = 0;
   for (const Subject* s : subjects) {
@@ -292,10 +324,12 @@ Found fit(const std::string& name, const std::vector<const Subject*>& subjects) 
     trials.back().tracks = frames_of(s->recording.tracks, 0, s->recording.split);
     delay += s->bar.delay / static_cast<double>(subjects.size());
   }
-  const MotionProblem problem(std::move(trials), default_fabric(), unknowns_of(delay), kNoise);
-  Found found{name, fit_motion(problem, problem.initial())};
-  fmt::print("fitted to {}\n", name);
+  const MotionProblem problem = problem_of(std::move(trials), delay, air_mass);
+  Found found{air_mass == AirMass::none ? name : name + ", added mass", air_mass,
+              fit_motion(problem, problem.initial())};
+  fmt::print("fitted to {}\n", found.name);
   print_intervals(found.fit);
+  std::fflush(stdout);
   return found;
 }
 
@@ -337,17 +371,19 @@ void write_swing(const std::filesystem::path& path, const Subject& s,
 
 void compare(const std::filesystem::path& out, const Subject& s, const std::vector<Found>& fits) {
   const Recording& r = s.recording;
-  std::vector<Prediction> predictions{
-      {"carried rigidly by the arm", carried(r, s.all, s.bar)},
-      {"default parameters", predict(s, default_fabric(), s.bar.delay)}};
+  std::vector<Prediction> predictions{{"carried rigidly by the arm", carried(r, s.all, s.bar)},
+                                      {"default parameters", {}}};
+  const MotionProblem still = problem_of({s.all}, s.bar.delay, AirMass::none);
+  predictions.back().position = predict(s, still, still.initial());
   for (const Found& f : fits)
-    predictions.push_back({"fitted to " + f.name, predict(s, f.fit.fabric, f.fit.delay)});
+    predictions.push_back({"fitted to " + f.name,
+                           predict(s, problem_of({s.all}, s.bar.delay, f.air_mass), f.fit.scaled)});
   fmt::print("{}: {} frames, {} fitted\n", r.name, r.tracks.times.size(), r.split);
   print_distances(r.tracks, r.split, predictions);
   // Pictures with its own fit alone.
   std::vector<Prediction> own{predictions[0], predictions[1]};
   for (const Prediction& p : predictions)
-    if (p.name == "fitted to " + r.name) own.push_back({"fitted", p.position});
+    if (p.name.starts_with("fitted to " + r.name)) own.push_back(p);
   write_distances(out / (r.name + "_distance.svg"), r.name, r.tracks, r.split, own);
   write_swing(out / (r.name + "_swing.svg"), s, own);
 }
@@ -368,11 +404,11 @@ void study_arm(const std::filesystem::path& out, const std::filesystem::path& fo
     subjects.push_back(std::move(s));
   }
   std::vector<Found> fits;
-  for (const Subject& s : subjects) fits.push_back(fit(s.recording.name, {&s}));
-  if (subjects.size() > 1) {
-    std::vector<const Subject*> all;
-    for (const Subject& s : subjects) all.push_back(&s);
-    fits.push_back(fit("all", all));
+  std::vector<const Subject*> all;
+  for (const Subject& s : subjects) all.push_back(&s);
+  for (const AirMass air_mass : {AirMass::none, AirMass::unknown}) {
+    for (const Subject* s : all) fits.push_back(fit(s->recording.name, {s}, air_mass));
+    if (all.size() > 1) fits.push_back(fit("all", all, air_mass));
   }
   for (const Found& f : fits) write_fabric(out / (f.name + "_fabric.toml"), f.fit.fabric);
   for (const Subject& s : subjects) compare(out, s, fits);

@@ -538,8 +538,10 @@ class Intervals {
                               : kWidestHalf;
     const bool held = std::find(free_.begin(), free_.end(), i) == free_.end();
     out.determined = !held && lost_[i] < 1e-6 && out.half_width <= widest;
-    out.lower = from_scaled(info, scaled_[i] - out.half_width);
-    out.upper = from_scaled(info, scaled_[i] + out.half_width);
+    if (held) out.half_width = kInfinity;
+    out.lower = held ? -kInfinity : from_scaled(info, scaled_[i] - out.half_width);
+    out.upper = held ? kInfinity : from_scaled(info, scaled_[i] + out.half_width);
+    if (info.scale == Scale::shifted_log) out.lower = std::max(out.lower, 0.0);
     return out;
   }
 

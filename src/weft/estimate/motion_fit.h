@@ -186,7 +186,8 @@ struct MotionFitResult {
   /// Jackknife over blocks of successive frames (uncertainty.h) with the priors in every repeat, at
   /// least as wide as dispersion and priors make them. `determined`: narrower than half of what
   /// the prior alone would give (where there is one), and than half the range: the data say
-  /// something.
+  /// something. Infinite for one that is held at a bound; cut at zero where a value cannot be
+  /// negative.
   std::vector<ParameterInterval> intervals;
   MatX correlation;
   double condition = 0;
