@@ -1,7 +1,7 @@
 /// Fabrics fitted to the earlier part of a real motion, judged by the later part.
 ///
 ///   weft_validate_real_motion arm OUT FOLDER NAME...
-///   weft_validate_real_motion video OUT REGISTERED SIDE RATE
+///   weft_validate_real_motion video OUT REGISTERED SIDE RATE [KEY...]
 ///
 /// FOLDER: NAME_mesh.csv, NAME_tcp.csv and campose.csv (real_motion.h). REGISTERED: a PC2 of grids
 /// of SIDE m that weft register or weft_validate_registration wrote; RATE: frames/s.
@@ -62,11 +62,11 @@ double off_surface(const MotionTracks& tracks, const std::vector<Points>& x, std
 
 void print_distances(const MotionTracks& tracks, std::size_t split,
                      const std::vector<Prediction>& predictions) {
-  fmt::print("  {:<34}{:>32}{:>36}\n", "mm: mean, rms, median; off surface", "frames fitted",
+  fmt::print("  {:<50}{:>36}{:>36}\n", "mm: mean, rms, median; off surface", "frames fitted",
              "frames predicted");
   const std::size_t end = tracks.times.size();
   for (const Prediction& p : predictions) {
-    fmt::print("  {:<34}", p.name);
+    fmt::print("  {:<50}", p.name);
     for (const auto& [first, last] : {std::pair{std::size_t{0}, split}, std::pair{split, end}}) {
       const MotionDistance d = motion_distance(tracks, p.position, first, last);
       fmt::print("    {:7.2f} {:7.2f} {:7.2f}; {:6.2f}", 1e3 * d.mean, 1e3 * d.rms, 1e3 * d.median,
@@ -82,7 +82,7 @@ void write_distances(const std::filesystem::path& path, const std::string& title
   LinePlot plot;
   plot.title = title;
   plot.x.label = "time";
-  plot.x.unit = "s";
+  plot.x.unit = 's';
   plot.y.label = "mean distance";
   plot.y.unit = "mm";
   plot.y.from_zero = true;
@@ -98,6 +98,28 @@ void write_distances(const std::filesystem::path& path, const std::string& title
   const auto& x = plot.series.front().x;
   plot.regions = {{0.5 * (x[split - 1] + x[split]), x.back(), "predicted"}};
   write_plot(path, plot);
+}
+
+SceneUnknown added_mass(double most) {
+  SceneUnknown unknown;
+  unknown.info = {"added_mass",
+                  "1",
+                  0,
+                  most,
+                  0,
+                  Scale::linear,
+                  "Inertia of the air that moves with the cloth over that of the cloth.",
+                  ""};
+  unknown.initial = 0.2;
+  unknown.apply = [](double a, MotionExperiment& e) { e.scene.gravity /= 1 + a; };
+  unknown.step = 0.01;
+  return unknown;
+}
+
+MotionFitOptions fit_options() {
+  MotionFitOptions options;
+  options.least_squares.cost_tolerance = 3e-4;
+  return options;
 }
 
 void print_intervals(const MotionFitResult& fit) {
@@ -118,11 +140,13 @@ int run(int argc, char** argv) {
   const std::string kind = argc > 1 ? argv[1] : "";
   if (kind == "arm" && argc >= 5) {
     study_arm(argv[2], argv[3], std::vector<std::string>(argv + 4, argv + argc));
-  } else if (kind == "video" && argc == 6) {
-    study_video(argv[2], argv[3], std::atof(argv[4]), std::atof(argv[5]));
+  } else if (kind == "video" && argc >= 6) {
+    study_video(argv[2], argv[3], std::atof(argv[4]), std::atof(argv[5]),
+                std::vector<std::string>(argv + 6, argv + argc));
   } else {
     throw Error(
-        "usage: weft_validate_real_motion arm OUT FOLDER NAME... | video OUT REGISTERED SIDE RATE");
+        "usage: weft_validate_real_motion arm OUT FOLDER NAME... | video OUT REGISTERED SIDE RATE "
+        "[KEY...]");
   }
   return 0;
 }

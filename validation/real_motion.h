@@ -14,10 +14,11 @@ namespace weft::validation {
 /// `names`, and campose.csv.
 void study_arm(const std::filesystem::path& out, const std::filesystem::path& folder,
                const std::vector<std::string>& names);
-/// Registered frames (PC2, a grid of `side` m that is square) at `rate` frames/s, held by two
-/// corners and blown by air that nobody measured.
+/// Registered frames (PC2, a square grid of `side` m) at `rate` frames/s of cloth that is blown by
+/// air that nobody measured. `keys`: which unknowns (air, few, few_mass, all, all_mass); none: each
+/// of these.
 void study_video(const std::filesystem::path& out, const std::filesystem::path& registered,
-                 double side, double rate);
+                 double side, double rate, const std::vector<std::string>& keys);
 
 /// Rows of numbers between commas; lines that begin with # or % are skipped, "nan" is a number.
 std::vector<std::vector<double>> read_numbers(const std::filesystem::path& path);
@@ -36,5 +37,12 @@ void write_distances(const std::filesystem::path& path, const std::string& title
                      const MotionTracks& tracks, std::size_t split,
                      const std::vector<Prediction>& predictions);
 void print_intervals(const MotionFitResult& fit);
+
+/// Inertia of the air that moves with the cloth over the cloth's own. Air that adds a times the
+/// mass and no weight is gravity of 1 / (1 + a) for cloth of 1 + a times the density: what is found
+/// of the fabric is then per 1 + a times the areal density. So is a frame rate that is taken
+/// sqrt(1 + a) times too low.
+SceneUnknown added_mass(double most);
+MotionFitOptions fit_options();
 
 }  // namespace weft::validation

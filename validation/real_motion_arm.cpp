@@ -26,7 +26,6 @@ constexpr int kStepsPerNode = 2;
 constexpr int kVertices = 11;         // along a side
 constexpr double kEdgeScale = 0.015;  // m, where the weight of a tracked point is a quarter
 constexpr double kPriorFactor = 5;
-constexpr double kGravity = 9.81;  // m/s^2
 constexpr double kMostAddedMass = 4;
 
 /// The tracker finds the corners of the cloth in each frame and lays a grid between them: points
@@ -243,26 +242,6 @@ MotionTrial trial_of(const Recording& r, const Bar& bar, const MotionTracks& tra
 /// Whether air that moves with the cloth may add to its inertia.
 enum class AirMass { none, unknown };
 
-/// Air that adds a times the cloth's mass to its inertia, and no weight, is gravity of 1 / (1 + a)
-/// for cloth of 1 + a times the density.
-SceneUnknown added_mass() {
-  SceneUnknown unknown;
-  unknown.info = {"added_mass",
-                  "1",
-                  0,
-                  kMostAddedMass,
-                  0,
-                  Scale::linear,
-                  "Inertia of the air that moves with the cloth over that of the cloth.",
-                  ""};
-  unknown.initial = 0.2;
-  unknown.apply = [](double a, MotionExperiment& e) {
-    e.scene.gravity = Vec3(0, 0, -kGravity / (1 + a));
-  };
-  unknown.step = 0.01;
-  return unknown;
-}
-
 MotionUnknowns unknowns_of(double delay, AirMass air_mass) {
   MotionUnknowns unknowns;
   for (const ParameterInfo& p : baraff_witkin_parameters()) {
@@ -273,7 +252,7 @@ MotionUnknowns unknowns_of(double delay, AirMass air_mass) {
   unknowns.delay_lower = 0;
   unknowns.delay_upper = kLongestDelay;
   unknowns.delay_initial = delay;
-  if (air_mass == AirMass::unknown) unknowns.scene = {added_mass()};
+  if (air_mass == AirMass::unknown) unknowns.scene = {added_mass(kMostAddedMass)};
   return unknowns;
 }
 
@@ -326,7 +305,7 @@ Found fit(const std::string& name, const std::vector<const Subject*>& subjects, 
   }
   const MotionProblem problem = problem_of(std::move(trials), delay, air_mass);
   Found found{air_mass == AirMass::none ? name : name + ", added mass", air_mass,
-              fit_motion(problem, problem.initial())};
+              fit_motion(problem, problem.initial(), fit_options())};
   fmt::print("fitted to {}\n", found.name);
   print_intervals(found.fit);
   std::fflush(stdout);

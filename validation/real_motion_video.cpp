@@ -1,7 +1,9 @@
-/// Cloth that hangs from its upper edge and is blown by air that nobody measured, as registered to
-/// the clouds of a depth camera.
+/// Cloth that hangs and is blown by air that nobody measured, as registered to the clouds of a
+/// depth camera. What holds it is one of its upper rows, which moves as registered.
 #include <fmt/core.h>
 
+#include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -16,8 +18,14 @@ constexpr double kDensity = 0.2;  // kg/m^2: a value, not a measurement
 constexpr double kFitShare = 0.6;
 constexpr int kVertices = 17;  // along a side, of the simulation
 constexpr int kStepsPerFrame = 4;
+/// Above this row of 32 the cloth is rolled over what holds it; below it hangs.
+constexpr int kHeldRow = 4;
+/// Frames on either side that smooth the motion of the held row: registration jitters by 2 mm from
+/// frame to frame, 2 m/s^2.
+constexpr int kSmoothing = 5;
 constexpr double kGravity = 9.81;
 constexpr double kPriorFactor = 5;
+constexpr double kMostAddedMass = 15;
 /// Registered points are off by some 2 mm along the normal (held-back points of the clouds) and 4
 /// mm across.
 const MotionNoise kNoise{2e-3, 4e-3, 3};
@@ -26,11 +34,29 @@ const MotionNoise kNoise{2e-3, 4e-3, 3};
 const Vec3 kDown = Vec3::UnitY(), kForward = Vec3::UnitZ();
 
 struct Video {
-  int grid = 0;  // points along a side
-  double side = 0;
-  MotionTracks tracks;
+  int grid = 0;                  // points along the width
+  double width = 0, height = 0;  // m, from the held row on
+  MotionTracks tracks;           // the rows below
+  std::vector<Points> edge;      // a frame: the held row
   std::size_t split = 0;
 };
+
+/// Each point on the parabola through the frames about it (least squares).
+std::vector<Points> smoothed(const std::vector<Points>& frames) {
+  const auto count = static_cast<int>(frames.size());
+  std::vector<Points> out;
+  for (int k = 0; k < count; ++k) {
+    const int first = std::max(0, k - kSmoothing), last = std::min(count - 1, k + kSmoothing);
+    MatX powers(last - first + 1, 3);
+    for (int i = first; i <= last; ++i) powers.row(i - first) << 1, i - k, (i - k) * (i - k);
+    const VecX weight =
+        powers * (powers.transpose() * powers).ldlt().solve(Vec3::UnitX());  // of the value at k
+    out.emplace_back(Points::Zero(3, frames[0].cols()));
+    for (int i = first; i <= last; ++i)
+      out.back() += weight[i - first] * frames[static_cast<std::size_t>(i)];
+  }
+  return out;
+}
 
 Video read_video_tracks(const std::filesystem::path& path, double side, double rate) {
   const PointCache cache = read_pc2(path);
@@ -40,47 +66,63 @@ Video read_video_tracks(const std::filesystem::path& path, double side, double r
   video.grid = static_cast<int>(std::lround(std::sqrt(static_cast<double>(points))));
   if (Eigen::Index{video.grid} * video.grid != points)
     throw Error(path.string() + ": not a square grid");
-  video.side = side;
-  video.tracks.uv = make_swatch(side, side, video.grid, video.grid).material;
+  const double cell = side / (video.grid - 1);
+  video.width = side;
+  video.height = side - kHeldRow * cell;
+  const Eigen::Index above = Eigen::Index{kHeldRow + 1} * video.grid, below = points - above;
+  video.tracks.uv.resize(2, below);
+  for (Eigen::Index p = 0; p < below; ++p)
+    video.tracks.uv.col(p) =
+        Vec2(static_cast<double>(p % video.grid) * cell,
+             std::min(video.height, static_cast<double>(p / video.grid + 1) * cell));
   for (std::size_t k = 0; k < cache.frames.size(); ++k) {
-    const VecX seen = VecX::Ones(points);
+    const Points& x = cache.frames[k];
     video.tracks.times.push_back(static_cast<double>(k) / rate);
-    video.tracks.normal.push_back(grid_normals(cache.frames[k], seen, video.grid, video.grid));
-    video.tracks.position.push_back(cache.frames[k]);
-    video.tracks.weight.push_back(seen);
+    const Points normals = grid_normals(x, VecX::Ones(points), video.grid, video.grid);
+    video.tracks.normal.emplace_back(normals.rightCols(below));
+    video.tracks.position.emplace_back(x.rightCols(below));
+    video.tracks.weight.push_back(VecX::Ones(below));
+    video.edge.emplace_back(x.middleCols(Eigen::Index{kHeldRow} * video.grid, video.grid));
   }
+  video.edge = smoothed(video.edge);
   video.split = static_cast<std::size_t>(kFitShare * static_cast<double>(cache.frames.size()));
   return video;
 }
 
 /// Air that gains speed from the first frame on: linear to the middle of the fitted frames, linear
-/// to their end, constant from there. At 1 m/s away from the camera, everywhere, until the unknowns
-/// are applied.
+/// to their end, linear to the last frame. At 1 m/s away from the camera, everywhere, until the
+/// unknowns are applied.
 AirMotion unit_air(const Video& video, const TriangleMesh& mesh) {
   const double end = video.tracks.times[video.split - 1];
   const Points one = kForward.replicate(1, mesh.vertex_count());
-  return {{0, 0.5 * end, end}, {0 * one, one, one}};
-}
-
-/// Mean places of the upper edge over the fitted frames, at the vertices of `mesh`.
-Points mean_shape(const Video& video, const TriangleMesh& mesh, std::size_t frames) {
-  const TriangleMesh grid = make_swatch(video.side, video.side, video.grid, video.grid);
-  Points mean = Points::Zero(3, video.tracks.uv.cols());
-  for (std::size_t k = 0; k < frames; ++k)
-    mean += video.tracks.position[k] / static_cast<double>(frames);
-  return interpolate(grid, MaterialLocator(grid), mean, mesh.material);
+  return {{0, 0.5 * end, end, video.tracks.times.back()}, {0 * one, one, one, one}};
 }
 
 MotionTrial trial_of(const Video& video, const MotionTracks& tracks) {
   MotionTrial trial;
   trial.name = "video";
   Scene& scene = trial.experiment.scene;
-  scene.mesh = make_swatch(video.side, video.side, kVertices, kVertices);
+  scene.mesh = make_swatch(video.width, video.height, kVertices, kVertices);
   scene.areal_density = kDensity;
-  scene.start = mean_shape(video, scene.mesh, 1);
-  const Points held = mean_shape(video, scene.mesh, video.split);
-  for (int column = 0; column < kVertices; ++column)
-    scene.fixtures.push_back({"upper edge", column, Motion::fixed(held.col(column))});
+  // Paths of the held row at the columns of the mesh; below it the sheet hangs flat.
+  const double cell = video.width / (video.grid - 1);
+  scene.start.resize(3, scene.mesh.vertex_count());
+  for (int column = 0; column < kVertices; ++column) {
+    const double place = scene.mesh.material(0, column) / cell;
+    const Eigen::Index left =
+        std::min(static_cast<Eigen::Index>(place + 1e-9), Eigen::Index{video.grid - 2});
+    const double share = place - static_cast<double>(left);
+    Points path(3, static_cast<Eigen::Index>(video.edge.size()));
+    for (Eigen::Index k = 0; k < path.cols(); ++k) {
+      const Points& edge = video.edge[static_cast<std::size_t>(k)];
+      path.col(k) = (1 - share) * edge.col(left) + share * edge.col(left + 1);
+    }
+    scene.fixtures.push_back({"held row", column, Motion(video.tracks.times, path)});
+    for (int row = 0; row < kVertices; ++row) {
+      const int i = row * kVertices + column;
+      scene.start.col(i) = path.col(0) + scene.mesh.material(1, i) * kDown;
+    }
+  }
   scene.frame_times = tracks.times;
   scene.gravity = kGravity * kDown;
   trial.experiment.air = unit_air(video, scene.mesh);
@@ -100,26 +142,38 @@ SceneUnknown unknown(std::string_view name, std::string_view unit, double lower,
   return u;
 }
 
-SceneUnknown speed(std::string_view name, std::size_t knot) {
-  return unknown(name, "m/s", 0, 8, 1,
-                 [knot](double s, MotionExperiment& e) { e.air.velocity[knot] *= s; });
-}
+/// Which frames tell of the air.
+enum class AirFrom { fitted_frames, all_frames };
 
-SceneUnknown gradient(std::string_view name, Eigen::Index axis, double side) {
-  return unknown(name, "1/m", -3, 3, 0, [axis, side](double g, MotionExperiment& e) {
-    const auto& uv = e.scene.mesh.material;
-    for (Points& v : e.air.velocity)
-      for (Eigen::Index i = 0; i < v.cols(); ++i) v.col(i) *= 1 + g * (uv(axis, i) - side / 2);
+/// Of a knot of the air and, where `lasting`, of all after it.
+SceneUnknown speed(std::string_view name, std::size_t knot, bool lasting) {
+  return unknown(name, "m/s", 0, 8, 1, [knot, lasting](double s, MotionExperiment& e) {
+    for (std::size_t k = knot; k < (lasting ? e.air.velocity.size() : knot + 1); ++k)
+      e.air.velocity[k] *= s;
   });
 }
 
-enum class Gravity { known, unknown };
-enum class Material { defaults, unknown };
+/// Speeds change by this part of themselves a metre.
+SceneUnknown gradient(std::string_view name, Eigen::Index axis, double side) {
+  return unknown(name, "1/m", -15, 15, 0, [axis, side](double g, MotionExperiment& e) {
+    const auto& uv = e.scene.mesh.material;
+    for (Points& v : e.air.velocity)
+      for (Eigen::Index i = 0; i < v.cols(); ++i)
+        v.col(i) *= std::exp(g * (uv(axis, i) - side / 2));
+  });
+}
 
-MotionUnknowns unknowns_of(const Video& video, Material material, Gravity gravity) {
+enum class AirMass { none, unknown };
+/// What of the fabric is searched: nothing; what moves a hanging sheet most; all.
+enum class Material { defaults, few, all };
+
+MotionUnknowns unknowns_of(const Video& video, Material material, AirMass air_mass,
+                           AirFrom air_from = AirFrom::fitted_frames) {
   MotionUnknowns unknowns;
-  if (material == Material::unknown) {
+  if (material != Material::defaults) {
     for (const ParameterInfo& p : baraff_witkin_parameters()) {
+      if (material == Material::few && p.name != "bend_stiffness" && p.name != "drag_quadratic")
+        continue;
       unknowns.free.emplace_back(p.name);
       unknowns.priors.push_back({std::string(p.name), p.default_value, kPriorFactor});
     }
@@ -129,13 +183,12 @@ MotionUnknowns unknowns_of(const Video& video, Material material, Gravity gravit
                               const double g = e.scene.gravity.norm();
                               e.scene.gravity = g * (std::cos(a) * kDown - std::sin(a) * kForward);
                             }),
-                    speed("air_speed_middle", 1), speed("air_speed_end", 2),
-                    gradient("air_gradient_u", 0, video.side),
-                    gradient("air_gradient_v", 1, video.side)};
-  if (gravity == Gravity::unknown)
-    unknowns.scene.push_back(unknown(
-        "gravity", "m/s^2", 1, 25, kGravity,
-        [](double g, MotionExperiment& e) { e.scene.gravity *= g / e.scene.gravity.norm(); }));
+                    speed("air_speed_middle", 1, false),
+                    speed("air_speed_end", 2, air_from == AirFrom::fitted_frames),
+                    gradient("air_gradient_u", 0, video.width),
+                    gradient("air_gradient_v", 1, video.height)};
+  if (air_from == AirFrom::all_frames) unknowns.scene.push_back(speed("air_speed_last", 3, false));
+  if (air_mass == AirMass::unknown) unknowns.scene.push_back(added_mass(kMostAddedMass));
   return unknowns;
 }
 
@@ -164,27 +217,62 @@ std::vector<Points> extrapolated(const Video& video, int frames) {
   return out;
 }
 
-Prediction fit_and_predict(const Video& video, const std::string& name, Material material,
-                           Gravity gravity, const std::filesystem::path& out) {
+std::vector<Points> simulated(const MotionProblem& problem, const VecX& scaled) {
+  auto found = problem.simulate(scaled);
+  if (found[0].diverged) throw Error("video: diverged: " + found[0].divergence);
+  return std::move(found[0].position);
+}
+
+/// What the fitted frames say of the others, and what their fabric says where the air alone is
+/// fitted to all frames: the latter is no prediction of the motion.
+struct Setting {
+  std::string key, name;
+  Material material = Material::defaults;
+  AirMass air_mass = AirMass::none;
+};
+const std::vector<Setting>& settings() {
+  static const std::vector<Setting> kAll{
+      {"air", "default fabric, air fitted", Material::defaults, AirMass::none},
+      {"few", "bend, drag, air fitted", Material::few, AirMass::none},
+      {"few_mass", "bend, drag, air, added mass fitted", Material::few, AirMass::unknown},
+      {"all", "fabric and air fitted", Material::all, AirMass::none},
+      {"all_mass", "fabric, air, added mass fitted", Material::all, AirMass::unknown}};
+  return kAll;
+}
+
+void fit_and_predict(const Video& video, const Setting& setting, const std::filesystem::path& out,
+                     std::vector<Prediction>& predictions) {
+  const auto& [key, name, material, air_mass] = setting;
   const Fabric start = Fabric::with_defaults("defaults");
-  const MotionUnknowns unknowns = unknowns_of(video, material, gravity);
+  const MotionUnknowns unknowns = unknowns_of(video, material, air_mass);
   const MotionProblem problem({trial_of(video, frames_of(video.tracks, 0, video.split))}, start,
                               unknowns, kNoise);
-  const MotionFitResult fit = fit_motion(problem, problem.initial());
+  const MotionFitResult fit = fit_motion(problem, problem.initial(), fit_options());
   fmt::print("{}\n", name);
   print_intervals(fit);
-  std::fflush(stdout);
   const MotionProblem whole({trial_of(video, video.tracks)}, start, unknowns, kNoise);
-  const auto found = whole.simulate(fit.scaled);
-  if (found[0].diverged) throw Error(name + ": diverged: " + found[0].divergence);
-  if (material == Material::unknown) write_fabric(out / "fabric.toml", fit.fabric);
-  return {name, found[0].position};
+  predictions.push_back({name, simulated(whole, fit.scaled)});
+  if (material != Material::defaults) write_fabric(out / (key + "_fabric.toml"), fit.fabric);
+
+  MotionTrial kept = trial_of(video, video.tracks);
+  if (air_mass == AirMass::unknown) {
+    const ParameterInfo& info = problem.infos().back();
+    kept.experiment.scene.gravity /= 1 + from_scaled(info, fit.scaled[fit.scaled.size() - 1]);
+  }
+  const MotionProblem air(
+      {kept}, fit.fabric,
+      unknowns_of(video, Material::defaults, AirMass::none, AirFrom::all_frames), kNoise);
+  const MotionFitResult blown = fit_motion(air, air.initial(), fit_options());
+  fmt::print("{}; air of all frames\n", name);
+  print_intervals(blown);
+  std::fflush(stdout);
+  predictions.push_back({name + "; air of all frames", simulated(air, blown.scaled)});
 }
 
 }  // namespace
 
 void study_video(const std::filesystem::path& out, const std::filesystem::path& registered,
-                 double side, double rate) {
+                 double side, double rate, const std::vector<std::string>& keys) {
   std::filesystem::create_directories(out);
   const Video video = read_video_tracks(registered, side, rate);
   std::vector<Prediction> predictions{
@@ -194,16 +282,13 @@ void study_video(const std::filesystem::path& out, const std::filesystem::path& 
   const Fabric start = Fabric::with_defaults("defaults");
   MotionTrial still = trial_of(video, video.tracks);
   still.experiment.air = {};
-  MotionUnknowns tilt = unknowns_of(video, Material::defaults, Gravity::known);
+  MotionUnknowns tilt = unknowns_of(video, Material::defaults, AirMass::none);
   tilt.scene.resize(1);
   const MotionProblem rest({still}, start, tilt, kNoise);
-  predictions.push_back({"defaults, still air", rest.simulate(rest.initial())[0].position});
-  predictions.push_back(fit_and_predict(video, "air fitted, default fabric", Material::defaults,
-                                        Gravity::known, out));
-  predictions.push_back(
-      fit_and_predict(video, "air and fabric fitted", Material::unknown, Gravity::known, out));
-  predictions.push_back(fit_and_predict(video, "air, fabric and gravity fitted", Material::unknown,
-                                        Gravity::unknown, out));
+  predictions.push_back({"default fabric, still air", simulated(rest, rest.initial())});
+  for (const Setting& setting : settings())
+    if (keys.empty() || std::find(keys.begin(), keys.end(), setting.key) != keys.end())
+      fit_and_predict(video, setting, out, predictions);
   fmt::print("video: {} frames, {} fitted\n", video.tracks.times.size(), video.split);
   print_distances(video.tracks, video.split, predictions);
   write_distances(out / "video_distance.svg", "registered video", video.tracks, video.split,
