@@ -290,7 +290,7 @@ std::vector<Points> predict(const Subject& s, const MotionProblem& problem, cons
 }
 
 struct Found {
-  std::string name;
+  std::string key, name;
   AirMass air_mass = AirMass::none;
   MotionFitResult fit;
 };
@@ -304,7 +304,8 @@ Found fit(const std::string& name, const std::vector<const Subject*>& subjects, 
     delay += s->bar.delay / static_cast<double>(subjects.size());
   }
   const MotionProblem problem = problem_of(std::move(trials), delay, air_mass);
-  Found found{air_mass == AirMass::none ? name : name + ", added mass", air_mass,
+  const bool still = air_mass == AirMass::none;
+  Found found{still ? name : name + "_added_mass", still ? name : name + ", added mass", air_mass,
               fit_motion(problem, problem.initial(), fit_options())};
   fmt::print("fitted to {}\n", found.name);
   print_intervals(found.fit);
@@ -389,7 +390,7 @@ void study_arm(const std::filesystem::path& out, const std::filesystem::path& fo
     for (const Subject* s : all) fits.push_back(fit(s->recording.name, {s}, air_mass));
     if (all.size() > 1) fits.push_back(fit("all", all, air_mass));
   }
-  for (const Found& f : fits) write_fabric(out / (f.name + "_fabric.toml"), f.fit.fabric);
+  for (const Found& f : fits) write_fabric(out / (f.key + "_fabric.toml"), f.fit.fabric);
   for (const Subject& s : subjects) compare(out, s, fits);
 }
 

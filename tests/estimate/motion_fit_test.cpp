@@ -100,10 +100,11 @@ TEST(MotionFit, FindsTheDelayAndTheFabricOfAnotherMesh) {
                         bend_drag_and_delay(), {1e-3, 1e-3, 5});
   const MotionFitResult fit = fit_motion(problem, problem.initial());
   // The bar's speed is 0.25 m/s rms: 475 points with 1 mm give the delay to 0.3 ms. On 6 instead of
-  // 12 cells and with steps of 12.5 instead of 4 ms the pendulum's phase differs by some ms.
-  EXPECT_NEAR(fit.delay, 0.23, 5e-3);
-  EXPECT_NEAR(fit.fabric.value("drag_quadratic") / 1.2, 1, 0.15);
-  EXPECT_NEAR(fit.fabric.value("bend_stiffness") / 3e-4, 1, 0.3);
+  // 12 cells and with steps of 12.5 instead of 4 ms the pendulum's phase differs by some ms, and
+  // its slight bending by cells that are twice as wide.
+  EXPECT_NEAR(fit.delay, 0.23, 4e-3);
+  EXPECT_NEAR(fit.fabric.value("drag_quadratic") / 1.2, 1, 0.05);
+  EXPECT_NEAR(std::log(fit.fabric.value("bend_stiffness") / 3e-4), 0, std::log(1.6));
   ASSERT_EQ(fit.intervals.size(), 3U);
   for (const ParameterInterval& i : fit.intervals) EXPECT_TRUE(i.determined) << i.name;
 
