@@ -71,10 +71,11 @@ Video read_video_tracks(const std::filesystem::path& path, double side, double r
   video.height = side - kHeldRow * cell;
   const Eigen::Index above = Eigen::Index{kHeldRow + 1} * video.grid, below = points - above;
   video.tracks.uv.resize(2, below);
-  for (Eigen::Index p = 0; p < below; ++p)
-    video.tracks.uv.col(p) =
-        Vec2(static_cast<double>(p % video.grid) * cell,
-             std::min(video.height, static_cast<double>(p / video.grid + 1) * cell));
+  for (Eigen::Index p = 0; p < below; ++p) {
+    const Eigen::Index column = p % video.grid, row = p / video.grid + 1;
+    video.tracks.uv.col(p) = Vec2(static_cast<double>(column) * cell,
+                                  std::min(video.height, static_cast<double>(row) * cell));
+  }
   for (std::size_t k = 0; k < cache.frames.size(); ++k) {
     const Points& x = cache.frames[k];
     video.tracks.times.push_back(static_cast<double>(k) / rate);

@@ -201,7 +201,10 @@ TEST(MotionFit, SaysWhatIsNotDetermined) {
 TEST(MotionFit, NormalsOfAGridLeaveOutWhatWasNotSeen) {
   // z = 2 x on a grid of 3 x 3, one corner unseen and one more nowhere.
   Points x(3, 9);
-  for (int p = 0; p < 9; ++p) x.col(p) = Vec3(p % 3, p / 3, 2 * (p % 3));
+  for (int p = 0; p < 9; ++p) {
+    const int column = p % 3, row = p / 3;
+    x.col(p) = Vec3(column, row, 2 * column);
+  }
   VecX weight = VecX::Ones(9);
   weight[0] = 0;
   x.col(0).setConstant(kNan);
