@@ -423,7 +423,7 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
   fit.seed = arguments.seed;
   fit.overwrite = arguments.overwrite;
   fit.threads = arguments.trial.threads();
-  fit.options = arguments.scan.options(command);
+  fit.options = arguments.scan.options(command, fit.threads);
   fit.solver = arguments.scan.solver();
   run_scan_fit(fit);
 }

@@ -13,6 +13,7 @@
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
 #include "weft/fabric/orthotropic.h"
+#include "weft/mesh/mesh_io.h"
 #include "weft/report/report_html.h"
 #include "weft/report/result.h"
 
@@ -142,8 +143,24 @@ void print_result(const ScanFitResult& fit, const Report& report,
   fmt::print("error {:.5g}, at the start {:.5g}; {} iterations, {} evaluations in {:.1f} s\n",
              report.error, report.error_initial, fit.iterations, report.evaluations, report.wall_s);
   for (std::size_t i = 0; i < trials.size(); ++i)
-    fmt::print("{}", scan_summary(*trials[i], differences[i]));
+    fmt::print("{}{}", registration_summary(*trials[i]), scan_summary(*trials[i], differences[i]));
   for (const std::string& remark : report.remarks) fmt::print("warning: {}\n", remark);
+}
+
+/// Grids that were laid on raw scans, as a capture that names them as `grid` and `weights`.
+void write_registered(const std::filesystem::path& out,
+                      const std::vector<std::shared_ptr<const ScanTrial>>& trials) {
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    const ScanTrial& trial = *trials[i];
+    if (!trial.registration) continue;
+    const std::string stem = fmt::format("registered_{}", i + 1);
+    write_obj(out / (stem + ".obj"), trial.shape.mesh, trial.shape.x,
+              fmt::format("{}, registered to {}", trial.target.name,
+                          trial.target.scan.filename().string()));
+    std::string weights = "weight\n";
+    for (const double w : trial.shape.weights) weights += fmt::format("{:.6g}\n", w);
+    write_text(out / (stem + "_weights.csv"), weights);
+  }
 }
 
 }  // namespace
@@ -210,6 +227,7 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   });
   progress.finish();
   write_fabric(out / "fabric.toml", fit.fabric);
+  write_registered(out, trials);
   const auto simulations = simulate_scans(trials, *arguments.solver, fit.fabric,
                                           HeldDerivatives::none, arguments.threads);
   std::vector<ScanDifference> differences;

@@ -1,7 +1,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <fstream>
@@ -14,7 +13,7 @@
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
-#include "weft/capture/table_file.h"
+#include "weft/capture/landmark_file.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/landmarks.h"
 #include "weft/registration/nonrigid_icp.h"
@@ -42,28 +41,6 @@ struct Arguments {
   bool json = false;
 };
 
-/// The numbers of "AxB" or "A,B,C".
-std::vector<double> numbers_in(const std::string& option, const std::string& text, char separator,
-                               std::size_t count) {
-  std::vector<double> numbers;
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  while (true) {
-    double value = 0;
-    const auto [next, status] = std::from_chars(at, end, value);
-    if (status != std::errc() || !std::isfinite(value)) break;
-    numbers.push_back(value);
-    at = next;
-    if (at == end || *at != separator) break;
-    ++at;
-  }
-  if (at != end || numbers.size() != count) {
-    throw Error(fmt::format("{} \"{}\": expected {} numbers with \"{}\" between", option, text,
-                            count, separator));
-  }
-  return numbers;
-}
-
 Vec3 direction(const std::string& option, const std::string& text) {
   const auto numbers = numbers_in(option, text, ',', 3);
   const Vec3 v(numbers[0], numbers[1], numbers[2]);
@@ -81,22 +58,6 @@ GridTemplate read_template(const Arguments& arguments) {
     return std::max(3, 1 + static_cast<int>(std::lround((arguments.grid - 1) * side / longer)));
   };
   return make_grid_template(sides[0], sides[1], along(sides[0]), along(sides[1]));
-}
-
-std::vector<Landmark> read_landmarks(const std::string& path) {
-  std::vector<Landmark> landmarks;
-  if (path.empty()) return landmarks;
-  const TableFile table(path);
-  const VecX u = table.numbers("u_m"), v = table.numbers("v_m"), x = table.numbers("x_m"),
-             y = table.numbers("y_m"), z = table.numbers("z_m");
-  const VecX weight = table.has("weight") ? table.numbers("weight") : VecX(VecX::Ones(u.size()));
-  for (Eigen::Index k = 0; k < u.size(); ++k) {
-    if (!(weight[k] >= 0)) {
-      throw table.fail(static_cast<std::size_t>(k), "weight", "must be at least 0");
-    }
-    landmarks.push_back({Vec2(u[k], v[k]), Vec3(x[k], y[k], z[k]), weight[k]});
-  }
-  return landmarks;
 }
 
 /// The shape in an OBJ whose vt are (u, v) in m, at the vertices of the grid.
@@ -295,7 +256,8 @@ void print_line(const nlohmann::json& s) {
 void run(const Arguments& arguments) {
   const std::filesystem::path out = arguments.out;
   const GridTemplate grid = read_template(arguments);
-  const std::vector<Landmark> landmarks = read_landmarks(arguments.landmarks);
+  std::vector<Landmark> landmarks;
+  if (!arguments.landmarks.empty()) landmarks = read_landmarks(arguments.landmarks);
   const std::vector<Scan> scans = read_scans(arguments.scan, arguments.unit);
   prepare_output_folder(out, {"registration.json", "registered.obj"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
