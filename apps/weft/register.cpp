@@ -15,6 +15,7 @@
 #include "weft/base/error.h"
 #include "weft/capture/landmark_file.h"
 #include "weft/mesh/mesh_io.h"
+#include "weft/registration/hung_start.h"
 #include "weft/registration/landmarks.h"
 #include "weft/registration/nonrigid_icp.h"
 #include "weft/report/plot.h"
@@ -29,6 +30,7 @@ struct Arguments {
   std::string out;
   std::string start;
   std::string landmarks;
+  std::string held, gravity = "0,0,-9.81";
   std::string u_axis = "1,0,0", v_axis = "0,0,-1";
   int grid = 41;
   double unit = 1;
@@ -77,11 +79,23 @@ Points read_start(const std::string& path, const GridTemplate& grid) {
 
 std::vector<RegistrationStart> first_starts(const Arguments& arguments, const GridTemplate& grid,
                                             const Scan& scan, const ScanGeometry& geometry,
-                                            const std::vector<Landmark>& landmarks) {
+                                            const std::vector<Landmark>& landmarks,
+                                            const std::vector<Landmark>& held) {
   if (!arguments.start.empty()) return {{read_start(arguments.start, grid), {}}};
-  if (landmarks.size() >= 3) return {{flat_start(grid, landmarks), {}}};
-  return flat_starts(grid, scan, geometry, direction("--u-axis", arguments.u_axis),
-                     direction("--v-axis", arguments.v_axis));
+  std::vector<RegistrationStart> starts;
+  if (landmarks.size() >= 3)
+    starts.push_back({flat_start(grid, landmarks), {}});
+  else
+    starts = flat_starts(grid, scan, geometry, direction("--u-axis", arguments.u_axis),
+                         direction("--v-axis", arguments.v_axis));
+  if (held.empty()) return starts;
+  HungStartOptions hang;
+  const auto gravity = numbers_in("--gravity", arguments.gravity, ',', 3);
+  hang.gravity = Vec3(gravity[0], gravity[1], gravity[2]);
+  hang.threads = arguments.options.threads;
+  for (RegistrationStart& start : hung_starts(grid, scan, geometry, held, hang))
+    starts.push_back(std::move(start));
+  return starts;
 }
 
 /// Registers again, twice, with the crossings of the stamped grid; says in `landmarks` how many.
@@ -258,6 +272,8 @@ void run(const Arguments& arguments) {
   const GridTemplate grid = read_template(arguments);
   std::vector<Landmark> landmarks;
   if (!arguments.landmarks.empty()) landmarks = read_landmarks(arguments.landmarks);
+  std::vector<Landmark> held;
+  if (!arguments.held.empty()) held = read_landmarks(arguments.held);
   const std::vector<Scan> scans = read_scans(arguments.scan, arguments.unit);
   prepare_output_folder(out, {"registration.json", "registered.obj"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
@@ -276,9 +292,9 @@ void run(const Arguments& arguments) {
     RegistrationOptions options = arguments.options;
     ScanRegistration registration;
     if (k == 0) {
-      registration = register_scan(grid, scan, geometry,
-                                   first_starts(arguments, grid, scan, geometry, landmarks),
-                                   landmarks, options);
+      const auto starts = first_starts(arguments, grid, scan, geometry, landmarks, held);
+      landmarks.insert(landmarks.end(), held.begin(), held.end());
+      registration = register_scan(grid, scan, geometry, starts, landmarks, options);
     } else {
       // The cloth is near to where it was.
       options.start_error = std::max(0.06 * size, 1.5 * cell);
@@ -346,6 +362,14 @@ void add_register(CLI::App& app) {
   command->add_option("--landmarks", arguments->landmarks,
                       "points of the fabric on the first scan: a CSV with u_m, v_m, x_m, y_m, z_m "
                       "and perhaps weight; three or more place the sheet");
+  command->add_option("--held", arguments->held,
+                      "points of the fabric that hold it, on the first scan, a CSV as of "
+                      "--landmarks: they are landmarks, and cloth that hangs by them under "
+                      "--gravity is where the registration begins, too (without --start)");
+  command
+      ->add_option("--gravity", arguments->gravity,
+                   "with --held: in the scan's axes, m/s^2, not 0,0,0")
+      ->capture_default_str();
   command
       ->add_option("--stamp", arguments->stamp,
                    "pitch of dark grid lines stamped on the fabric, m, 0 to 1: their crossings are "
@@ -393,7 +417,11 @@ void add_register(CLI::App& app) {
   command->add_flag("--overwrite", arguments->overwrite, "replace the results of another run");
   command->add_flag("--json", arguments->json, "print JSON");
   command->footer("Example:\n  weft register scan.ply --swatch 0.5x0.5 --out registered");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments, command] {
+    if (arguments->held.empty() && command->count("--gravity") > 0)
+      throw Error("--gravity: only with --held");
+    run(*arguments);
+  });
 }
 
 }  // namespace weft::app

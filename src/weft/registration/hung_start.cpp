@@ -24,6 +24,8 @@ constexpr double kDensity = 0.2;  // kg/m^2
 constexpr StaticOptions kSag{.force_tolerance = 1e-5, .max_iterations = 150};
 // Shapes nearer than this share of the swatch's size, on average, are one.
 constexpr double kAlike = 0.02;
+// Reach of the first step, of the swatch's size.
+constexpr double kReach = 0.06;
 
 /// Turns of a sheet that hangs by one point, about the vertical through it.
 std::vector<Points> turned(const std::vector<Points>& shapes, const Vec3& pivot, const Vec3& down,
@@ -119,7 +121,7 @@ std::vector<RegistrationStart> hung_starts(const GridTemplate& grid, const Scan&
   parallel_for(shapes.size(), options.threads,
                [&](std::size_t i) { shapes[i] = solve_static(cloth, shapes[i], fixed, kSag).x; });
 
-  const double alike = kAlike * std::sqrt(grid.width * grid.height);
+  const double size = std::sqrt(grid.width * grid.height), alike = kAlike * size;
   std::vector<Points> different;
   for (const Points& x : shapes) {
     const bool known = std::any_of(different.begin(), different.end(), [&](const Points& other) {
@@ -134,7 +136,10 @@ std::vector<RegistrationStart> hung_starts(const GridTemplate& grid, const Scan&
   const MaterialLocator locator(scene.mesh);
   std::vector<RegistrationStart> starts;
   for (const Points& x : different)
-    starts.push_back({interpolate(scene.mesh, locator, x, grid.mesh.material), {}});
+    starts.push_back({interpolate(scene.mesh, locator, x, grid.mesh.material),
+                      {},
+                      RegistrationStart::View::part,
+                      kReach * size});
   return starts;
 }
 

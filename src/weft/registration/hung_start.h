@@ -17,7 +17,9 @@ struct HungStartOptions {
 /// through them, bulged to either side, and with 1 to 3 folds across (flat_sheet and generic_starts
 /// of stripe_surface.h), those that come to rest alike once. With one held point the sheet hangs in
 /// the vertical plane in which the scan's points spread most, either way round. All of the scan
-/// counts as cloth in the coarse steps (RegistrationStart::piece is empty). Throws Error without a
+/// counts as cloth in the coarse steps (RegistrationStart::piece is empty), which begin with a
+/// reach of 0.06 of the root of the swatch's area: wider ones smooth away what hangs. To be given
+/// with `held` among the landmarks, and beside other starts (flat_starts). Throws Error without a
 /// held point, for one off the swatch and for options out of range.
 std::vector<RegistrationStart> hung_starts(const GridTemplate& grid, const Scan& scan,
                                            const ScanGeometry& geometry,
