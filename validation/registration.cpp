@@ -135,6 +135,21 @@ TruthError error_of(const Points& x, const Points& expected) {
   return {d.colwise().norm().mean(), d.colwise().norm().maxCoeff()};
 }
 
+/// Root mean square of the strains of the cells, measured at their centres: along u, along v, and
+/// the cosine between the two times their lengths.
+Vec3 strains_of(const GridTemplate& grid, const Points& x) {
+  Vec3 sum = Vec3::Zero();
+  for (int j = 0; j + 1 < grid.rows; ++j) {
+    for (int i = 0; i + 1 < grid.columns; ++i) {
+      const int a = grid.vertex(i, j), b = grid.vertex(i, j + 1);
+      const Vec3 u = (x.col(a + 1) - x.col(a) + x.col(b + 1) - x.col(b)) / (2 * grid.cell_u());
+      const Vec3 v = (x.col(b) - x.col(a) + x.col(b + 1) - x.col(a + 1)) / (2 * grid.cell_v());
+      sum += Vec3(u.norm() - 1, v.norm() - 1, u.dot(v)).cwiseAbs2();
+    }
+  }
+  return (sum / ((grid.rows - 1) * (grid.columns - 1))).cwiseSqrt();
+}
+
 /// One frame from the flat sheet, and from there and from cloth that hangs by the fixtures; what
 /// each start costs beside where it ends.
 void validate_hung(const fs::path& out, const std::vector<std::string>& words) {
@@ -199,7 +214,12 @@ void validate_hung(const fs::path& out, const std::vector<std::string>& words) {
          {&before, static_cast<const ScanRegistration*>(&after), &floor})
       fmt::print("  {:.1f} / {:.0f} mm", 1e3 * error_of(r->x, expected).mean,
                  1e3 * error_of(r->x, expected).max);
-    fmt::print("  (flat; held points and hanging cloth; from the truth)\n");
+    const Vec3 strains = 100 * strains_of(grid, expected);
+    fmt::print(
+        "  (flat; held points and hanging cloth; from the truth); strain of the truth {:.1f}, "
+        "{:.1f}, "
+        "{:.1f} %\n",
+        strains.x(), strains.y(), strains.z());
   }
   write_plot(out / "hung.svg", plot);
 }

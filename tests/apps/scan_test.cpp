@@ -119,13 +119,14 @@ TEST_F(Scan, SynthesizesTheExperiments) {
   // A tenth of 0.1 m is one of 10 cells; 0.03 m are 3.
   EXPECT_NEAR(top.region.upper.x(), 0.01, 1e-9);
   EXPECT_NEAR(capture.targets[4].clamps[0].region.upper.y(), 0.03, 1e-9);
-  // The mesh of the truth is finer: on the grid that is written the shapes are near, not equal.
+  // The mesh of the truth is finer: on the grid that is written the shapes are near, not equal. A
+  // cell of it is 1 cm wide, where cloth that hangs over a table's edge bends within 2 cm.
   const Outcome evaluated =
       weft({"evaluate", path("made"), "--fabric", path("made/truth/fabric.toml"), "--json"});
   ASSERT_EQ(evaluated.status, 0) << evaluated.err;
   const nlohmann::json evaluation = nlohmann::json::parse(evaluated.out);
   for (const auto& target : evaluation["targets"]) {
-    EXPECT_LT(target["distance_mean"].get<double>(), 1e-3) << target;
+    EXPECT_LT(target["distance_mean"].get<double>(), 3e-3) << target;
     EXPECT_GT(target["distance_mean"].get<double>(), 1e-7) << target;
   }
 }
@@ -177,7 +178,8 @@ TEST_F(Scan, RefusesWhatCannotBeSynthesized) {
   };
   EXPECT_THAT(why({"--scan", "--experiments", "twist:3"}), HasSubstr("no such experiment; frame"));
   EXPECT_THAT(why({"--scan", "--experiments", "frame:75"}), HasSubstr("valid: -60 to 60"));
-  EXPECT_THAT(why({"--scan", "--experiments", "corners:0.1"}), HasSubstr("expected NAME:NUMBER"));
+  EXPECT_THAT(why({"--scan", "--experiments", "corners:0.1"}),
+              HasSubstr("given: 1, needed: 2 to 3"));
   EXPECT_THAT(why({"--scan", "--experiments", "ledge-u:abc"}), HasSubstr("expected NAME:NUMBER"));
   EXPECT_THAT(why({"--scan", "--experiments", "ledge-u:0.2"}), HasSubstr("valid: 0.001 to 0.15"));
   EXPECT_THAT(why({"--scan", "--rig"}), HasSubstr("exclude"));

@@ -104,7 +104,7 @@ class ExperimentText {
     const std::size_t n = words_.numbers.size();
     require(n >= least && n <= most,
             fmt::format(
-                "experiment \"{}\": {} numbers; {} is needed", text_, n,
+                "experiment \"{}\": numbers given: {}, needed: {}", text_, n,
                 least == most ? fmt::format("{}", least) : fmt::format("{} to {}", least, most)));
   }
   double number(std::size_t k, double lower, double upper, const char* unit) const {
