@@ -23,6 +23,8 @@ namespace {
 /// Where nothing is known: the middle of what cloth is.
 constexpr OrthotropicModuli kUsualCloth{200, 200, 40, 0.3, 5e-6};
 
+const std::string kStoreName = "scan_evaluations.sqlite";
+
 Fabric start_fabric(const ScanFitArguments& arguments, const std::vector<ScanCapture>& captures) {
   Fabric fabric = arguments.initial.empty()
                       ? orthotropic_fabric(captures.front().name, stiffness_of(kUsualCloth))
@@ -215,10 +217,10 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   options.balance = scan_balance_from_name(arguments.balance);
   options.random_starts = arguments.random_starts;
   options.seed = arguments.seed;
-  const ScanProblem problem(trials, arguments.solver, initial, arguments.parameters, {},
-                            arguments.threads);
-  prepare_output_folder(out, {"result.json", "fabric.toml", "report.html"},
-                        arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  ScanProblem problem(trials, arguments.solver, initial, arguments.parameters, {},
+                      arguments.threads);
+  prepare_fit_folder(out, kStoreName, arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  problem.keep_in(std::make_shared<NumberStore>(out / kStoreName, problem.fingerprint()));
   Progress progress("least squares", 0);
   const ScanFitResult fit = fit_scan(problem, initial, options, [&](const ScanFitStep& step) {
     progress.update(step.evaluation,

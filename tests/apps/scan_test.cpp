@@ -1,5 +1,6 @@
 /// The subcommands that take scans, as a process.
 #include <gmock/gmock.h>
+#include <sqlite3.h>
 
 #include <nlohmann/json.hpp>
 
@@ -43,6 +44,18 @@ class Scan : public ProgramTest {
     }
     write_scan_capture(folder_ / "scan", capture, shapes);
   }
+  /// Runs a statement on the fit's store; its first number, or 0.
+  int rows_of_store(const char* sql) const {
+    sqlite3* database = nullptr;
+    EXPECT_EQ(sqlite3_open((folder_ / "out/scan_evaluations.sqlite").c_str(), &database),
+              SQLITE_OK);
+    sqlite3_stmt* statement = nullptr;
+    EXPECT_EQ(sqlite3_prepare_v2(database, sql, -1, &statement, nullptr), SQLITE_OK);
+    const int number = sqlite3_step(statement) == SQLITE_ROW ? sqlite3_column_int(statement, 0) : 0;
+    sqlite3_finalize(statement);
+    sqlite3_close(database);
+    return number;
+  }
 };
 
 TEST_F(Scan, ChecksEvaluatesAndFits) {
@@ -75,6 +88,36 @@ TEST_F(Scan, ChecksEvaluatesAndFits) {
     EXPECT_EQ(target["within_near"], 1);
   }
   EXPECT_EQ(evaluation["targets"][1]["clamps"][0]["name"], "left");
+}
+
+TEST_F(Scan, AKilledFitContinues) {
+  const std::vector<std::string> words{"fit",       path("scan"),       "--out",     path("out"),
+                                       "--initial", "larionov-initial", "--balance", "noise"};
+  const Outcome whole = weft(words);
+  ASSERT_EQ(whole.status, 0) << whole.err;
+  EXPECT_THAT(refusal(words), HasSubstr("--overwrite"));
+  const std::string fabric = text_of(folder_ / "out/fabric.toml");
+  const int computed = rows_of_store("SELECT count(*) FROM numbers");
+  EXPECT_GT(computed, 5);
+  // As if it had been killed half way.
+  std::filesystem::remove(folder_ / "out/result.json");
+  std::filesystem::remove(folder_ / "out/fabric.toml");
+  rows_of_store("DELETE FROM numbers WHERE rowid > (SELECT count(*) / 2 FROM numbers)");
+  const Outcome again = weft(words);
+  ASSERT_EQ(again.status, 0) << again.err;
+  EXPECT_EQ(text_of(folder_ / "out/fabric.toml"), fabric);
+  EXPECT_EQ(rows_of_store("SELECT count(*) FROM numbers"), computed);
+
+  // What is there is taken: 1000 in place of the cost of the start, which is asked for first.
+  std::filesystem::remove(folder_ / "out/result.json");
+  rows_of_store("UPDATE numbers SET value = X'0000000000408F40' WHERE rowid = 1");
+  ASSERT_EQ(weft(words).status, 0);
+  EXPECT_EQ(nlohmann::json::parse(text_of(folder_ / "out/result.json"))["error_initial"], 1000);
+  EXPECT_EQ(text_of(folder_ / "out/fabric.toml"), fabric);
+  std::filesystem::remove(folder_ / "out/result.json");
+  std::vector<std::string> other = words;
+  other.insert(other.end(), {"--descriptor", "position"});
+  EXPECT_THAT(refusal(other), HasSubstr("scan_evaluations.sqlite: of another run"));
 }
 
 TEST_F(Scan, RefusesWhatIsNotForScans) {
