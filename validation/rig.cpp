@@ -31,8 +31,8 @@ namespace {
 const std::vector<std::string> kRows{"weft_stretch", "warp_stretch", "shear",
                                      "weft_bend",    "warp_bend",    "diagonal_bend"};
 constexpr double kOutliers = 0.02;
-/// Of springs, whose bends mean nothing on another mesh, N/m.
-constexpr double kSpringBend = 100;
+/// Of springs, whose bends mean nothing on another mesh and resist stretch, N/m.
+constexpr double kSpringBend = 1e-3;
 
 struct Arguments {
   std::filesystem::path out;
@@ -43,6 +43,7 @@ struct Arguments {
   RigOptions rig;
   int starts = 1;
   int threads = 0;
+  MechanicalFitOptions::MeshError mesh_error = MechanicalFitOptions::MeshError::included;
   std::string skip;  ///< a component that is not searched and starts at the truth
   bool has(const std::string& part) const {
     return std::find(parts.begin(), parts.end(), part) != parts.end();
@@ -81,9 +82,15 @@ std::shared_ptr<const MechanicalTrial> trial_of(const Arguments& arguments,
   return prepare_mechanical(read_mechanical_capture(folder), arguments.options);
 }
 
-Trials fit_trials(const Arguments& arguments, const std::string& fabric) {
+bool is_bend(RigTest test) { return test == RigTest::weft_bend || test == RigTest::warp_bend; }
+
+/// A flat sheet of ring-2 springs has no bending stiffness, a bent one one that depends on the
+/// mesh, which is another one for each overhang: they are fitted in the plane only, with
+/// next to no bends.
+Trials fit_trials(const Arguments& arguments, const std::string& fabric, const std::string& model) {
   Trials trials;
-  for (const RigTest test : rig_fit_tests()) trials.push_back(trial_of(arguments, fabric, test));
+  for (const RigTest test : rig_fit_tests())
+    if (model != "springs" || !is_bend(test)) trials.push_back(trial_of(arguments, fabric, test));
   return trials;
 }
 
@@ -97,8 +104,10 @@ Fabric wrong_fabric(const Fabric& truth, const std::string& model, const Start& 
   fabric.areal_density = truth.areal_density;
   for (const std::string& row : kRows) {
     const bool bend = row.ends_with("bend");
-    const double value = bend && model == "springs" ? kSpringBend : middle(truth.curve(row));
-    fabric.set(row, value * (bend ? start.bend : start.membrane));
+    if (bend && model == "springs")
+      fabric.set(row, kSpringBend);
+    else
+      fabric.set(row, middle(truth.curve(row)) * (bend ? start.bend : start.membrane));
   }
   return fabric;
 }
@@ -154,6 +163,7 @@ void compare_curves(const Arguments& arguments, const Trials& trials, const Fabr
 
 void print_tests(const Arguments& arguments, const std::string& fabric, const Fabric& found) {
   for (const RigTest test : rig_tests()) {
+    if (found.model == "springs" && is_bend(test)) continue;
     const auto trial = trial_of(arguments, fabric, test);
     const auto frames =
         simulate_mechanical({trial}, found, MechanicalDerivatives::none, arguments.threads);
@@ -177,9 +187,12 @@ CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const
   const double before = cpu_seconds();
   CurveFitOptions chosen = options;
   chosen.threads = arguments.threads;
+  chosen.fit.mesh_error = arguments.mesh_error;
   std::string last;
   std::vector<std::string> rows = kRows;
   std::erase(rows, arguments.skip);
+  if (start.model == "springs")
+    std::erase_if(rows, [](const std::string& row) { return row.ends_with("bend"); });
   CurveFitResult found = fit_curves(
       trials, start, rows, chosen, [&](const std::string& stage, const MechanicalFitStep& step) {
         if (stage != last)
@@ -203,7 +216,7 @@ void print_stages(const CurveFitResult& found) {
 
 void recovery(const Arguments& arguments, const std::string& name, FitOrder order) {
   const Fabric truth = true_fabric(name);
-  const Trials trials = fit_trials(arguments, name);
+  const Trials trials = fit_trials(arguments, name, truth.model);
   for (int i = 0; i < std::min<int>(arguments.starts, std::size(kStarts)); ++i) {
     const Start& start = kStarts[i];
     CurveFitOptions options;
@@ -223,17 +236,22 @@ void recovery(const Arguments& arguments, const std::string& name, FitOrder orde
 
 void table(const Arguments& arguments, const std::string& name) {
   const Fabric truth = true_fabric(name);
-  const Trials trials = fit_trials(arguments, name);
-  for (const std::string& model : arguments.models)
+  for (const std::string& model : arguments.models) {
+    const Trials trials = fit_trials(arguments, name, model);
     for (const Variant& variant : kVariants) {
       CurveFitOptions options;
       options.shape = variant.shape;
       options.symmetry = variant.symmetry;
-      const CurveFitResult found =
-          timed_fit(arguments, trials, wrong_fabric(truth, model, kStarts[0]), options,
-                    fmt::format("{}: {}, {}", name, model, variant.name));
-      print_tests(arguments, name, found.fit.fabric);
+      const std::string title = fmt::format("{}: {}, {}", name, model, variant.name);
+      try {
+        const CurveFitResult found =
+            timed_fit(arguments, trials, wrong_fabric(truth, model, kStarts[0]), options, title);
+        print_tests(arguments, name, found.fit.fabric);
+      } catch (const Error& error) {  // no equilibrium: that, too, is a result
+        fmt::print("\n{}: no fit: {}\n", title, error.what());
+      }
     }
+  }
 }
 
 Arguments parse(int argc, char** argv) {

@@ -11,6 +11,7 @@
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
+#include "weft/base/text_file.h"
 #include "weft/capture/table_file.h"
 #include "weft/fabric/fabric.h"
 #include "weft/vision/strip_profile.h"

@@ -24,6 +24,7 @@
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
+#include "weft/base/text_file.h"
 #include "weft/estimate/least_squares_fit.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/estimate/variability.h"
@@ -354,11 +355,12 @@ void run(const Arguments& arguments) {
   if (fit.stopped) throw CLI::RuntimeError(stopped_early);
 }
 
+constexpr const char* kNoMeshError = "--no-mesh-error";
 const std::vector<std::string> kVideoFitOptions{
     "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",
     "--iterations", "--simplex", "--no-variability", "--variability-curves"};
 const std::vector<std::string> kMechanicalFitOptions{"--residuals", "--force-noise",
-                                                     "--point-noise"};
+                                                     "--point-noise", kNoMeshError};
 
 void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
@@ -419,6 +421,7 @@ void run_by_kind(Arguments& arguments, const CLI::App& command) {
     refuse_options(command, MechanicalArguments::names(), "videos");
     refuse_options(command, kMechanicalFitOptions, "videos");
   } else {
+    refuse_options(command, {kNoMeshError}, "videos");
     // The tests say where to start.
     refuse_options(command, {"--start", "--coarse", "--coarse-levels", "--coarse-frames"},
                    "videos with mechanical captures");
@@ -515,6 +518,10 @@ void add_fit(CLI::App& app) {
                    "mechanical captures: standard deviation of a coordinate, m")
       ->check(number_in(1e-9, 1))
       ->capture_default_str();
+  command->add_flag(
+      kNoMeshError, mechanical.no_mesh_error,
+      "mechanical captures: intervals without what the width of the cells does, which "
+      "one evaluation on cells of half the width tells");
   arguments->scan.add_to(*command);
   arguments->scan_fit.add_to(*command);
   command->footer(

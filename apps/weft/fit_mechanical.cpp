@@ -11,6 +11,7 @@
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
 #include "weft/base/random.h"
+#include "weft/base/text_file.h"
 #include "weft/estimate/mechanical_fit.h"
 #include "weft/report/report_html.h"
 #include "weft/report/result.h"
@@ -107,6 +108,7 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
                      {"force noise (N)", arguments.force_noise},
                      {"point noise (m)", arguments.point_noise},
                      {"cells", static_cast<std::int64_t>(arguments.options.cells)},
+                     {"intervals", fit.mesh_shift.size() > 0 ? "noise and mesh" : "noise"},
                      {"start", arguments.start}};
   for (int i = 0; i < fit.fabric.values.size(); ++i)
     report.parameters.push_back(held_parameter(fit.fabric.info(i), fit));
@@ -125,12 +127,31 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
     report.history.push_back({step.evaluation, "least squares", step.cost, step.best, 0});
     if (!std::isfinite(step.cost)) ++report.diverged;
   }
+  if (!arguments.no_mesh_error && fit.mesh_shift.size() == 0 && !fit.intervals.empty())
+    report.remarks.push_back(
+        "On cells of half the width some frame has no equilibrium, or they would be more than may "
+        "be: the intervals leave out what the width of the cells does.");
   if (fit.inexact > 0)
     report.remarks.push_back(
         fmt::format("In {} frames the shape is at the limit of stability: the intervals rest on "
                     "derivatives that are not exact there.",
                     fit.inexact));
   return report;
+}
+
+/// Value on cells of half the width over that at hand, less 1; for parameters that are searched
+/// linearly the difference. By name.
+nlohmann::json mesh_shifts(const MechanicalFitResult& fit) {
+  nlohmann::json shifts = nlohmann::json::object();
+  for (Eigen::Index i = 0; i < fit.mesh_shift.size(); ++i) {
+    const ParameterInterval& interval = fit.intervals[static_cast<std::size_t>(i)];
+    const ParameterInfo info = fit.fabric.info(fit.fabric.value_index(interval.name));
+    const double scaled = to_scaled(info, interval.value);
+    const double finer = from_scaled(info, scaled + fit.mesh_shift[i]);
+    shifts[interval.name] =
+        info.scale == Scale::logarithmic ? finer / interval.value - 1 : finer - interval.value;
+  }
+  return shifts;
 }
 
 /// result.json with one entry a capture under "mechanical".
@@ -146,6 +167,7 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
     list.push_back(entry);
   }
   result["mechanical"] = list;
+  result["mesh_shift"] = mesh_shifts(found.fit);
   if (!found.stages.empty()) add_curves(found, result);
   return result.dump(2) + "\n";
 }
@@ -183,11 +205,14 @@ CurveFitResult search(const MechanicalFitArguments& arguments,
                      fmt::format("{}: error {:.4g}, best {:.4g}", stage, step.cost, step.best));
     return !interrupted();
   };
+  MechanicalFitOptions fit;
+  if (!arguments.no_mesh_error) fit.mesh_error = MechanicalFitOptions::MeshError::included;
   CurveFitResult result;
   if (arguments.curves) {
     const MechanicalProblem all(trials, initial, all_parameters(initial), cost, arguments.threads);
     CurveFitOptions options = *arguments.curves;
     options.cost = cost;
+    options.fit = fit;
     options.threads = arguments.threads;
     result = fit_curves(trials, placed(all, initial, arguments), arguments.parameters, options,
                         observer);
@@ -195,7 +220,7 @@ CurveFitResult search(const MechanicalFitArguments& arguments,
     result.free = free_parameters(arguments, initial);
     const MechanicalProblem problem(trials, initial, result.free, cost, arguments.threads);
     result.fit =
-        fit_mechanical(problem, placed(problem, initial, arguments), {},
+        fit_mechanical(problem, placed(problem, initial, arguments), fit,
                        [&](const MechanicalFitStep& step) { return observer("all", step); });
   }
   if (progress) progress->finish();

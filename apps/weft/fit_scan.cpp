@@ -12,6 +12,7 @@
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
+#include "weft/base/text_file.h"
 #include "weft/fabric/orthotropic.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/report/report_html.h"

@@ -92,13 +92,6 @@ std::vector<Capture> read_captures(const std::vector<std::string>& folders) {
   return captures;
 }
 
-void write_text(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.flush();
-  if (!file) throw Error(fmt::format("{}: cannot be written", path.string()));
-}
-
 void prepare_output_folder(const std::filesystem::path& folder,
                            const std::vector<std::string>& results, Existing existing) {
   std::error_code failure;

@@ -39,9 +39,6 @@ class TrialArguments {
 
 std::vector<Capture> read_captures(const std::vector<std::string>& folders);
 
-/// Writes `text` to `path`; throws Error if that is not possible.
-void write_text(const std::filesystem::path& path, const std::string& text);
-
 /// Makes the folder if needed. Throws Error if it cannot be made or written to, or if it holds one
 /// of `results` (the files of another run) and `overwrite` is not given.
 enum class Existing { refuse, overwrite };

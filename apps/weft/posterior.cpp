@@ -14,6 +14,7 @@
 #include "options.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
+#include "weft/base/text_file.h"
 #include "weft/estimate/evaluation_store.h"
 #include "weft/estimate/stored_evaluations.h"
 #include "weft/fabric/prior.h"

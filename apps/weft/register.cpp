@@ -13,6 +13,7 @@
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
+#include "weft/base/text_file.h"
 #include "weft/capture/landmark_file.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/hung_start.h"

@@ -6,6 +6,7 @@
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
+#include "weft/base/text_file.h"
 #include "weft/capture/capture.h"
 #include "weft/mesh/mesh_io.h"
 

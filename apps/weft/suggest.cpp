@@ -12,6 +12,7 @@
 #include "options.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
+#include "weft/base/text_file.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/fabric/prior.h"
 #include "weft/report/plot.h"

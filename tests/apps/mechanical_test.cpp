@@ -61,6 +61,26 @@ TEST_F(Mechanical, FitsACurveAndShowsIt) {
   EXPECT_NO_THROW(read_result(folder_ / "out/result.json"));
 }
 
+TEST_F(Mechanical, IntervalsSayWhatTheMeshDoes) {
+  const Outcome with = fit("with");
+  ASSERT_EQ(with.status, 0) << with.err;
+  const Outcome without = weft({"fit", path("strip"), "--out", path("without"), "--cells", "3",
+                                "--parameters", "membrane_uu", "--no-mesh-error"});
+  ASSERT_EQ(without.status, 0) << without.err;
+  const json wide = json::parse(text_of(folder_ / "with/result.json")),
+             narrow = json::parse(text_of(folder_ / "without/result.json"));
+  EXPECT_TRUE(narrow["mesh_shift"].empty());
+  // Clamped ends of a strip of 12 cells along it: some thousandths.
+  const double shift = std::abs(wide["mesh_shift"]["membrane_uu"].get<double>());
+  EXPECT_GT(shift, 1e-6);
+  EXPECT_LT(shift, 0.01);
+  const auto upper = [](const json& result) {
+    return result["parameters"]["membrane_uu"]["interval_upper"].get<double>();
+  };
+  // exp(2 |log(1 + shift)|), to second order.
+  EXPECT_NEAR(upper(wide) / upper(narrow), 1 + 2 * shift, 4 * shift * shift + 1e-9);
+}
+
 TEST_F(Mechanical, EvaluatesWithTheFabricThatItFound) {
   ASSERT_EQ(fit("out").status, 0);
   const Outcome outcome = weft(

@@ -260,6 +260,35 @@ TEST(FitMechanical, RecoversWhatMadeTheForces) {
   EXPECT_EQ(fit.history.size(), fit.evaluations - 1);
 }
 
+TEST(FitMechanical, IntervalsHoldWhatTheMeshDoes) {
+  // Another program's cantilever on cells that are too wide for it.
+  const auto trial =
+      prepare_mechanical(read_mechanical_capture(kData / "knit_bend_u"), with_cells(5));
+  const Fabric truth = true_fabric("knit_bend_u");
+  const double expected = truth.value("bend_uu");
+  const MechanicalProblem problem({trial}, truth, {"bend_uu"});
+  MechanicalFitOptions options;
+  const MechanicalFitResult without = fit_mechanical(problem, truth, options);
+  EXPECT_EQ(without.mesh_shift.size(), 0);
+  ASSERT_EQ(without.intervals.size(), 1u);
+  EXPECT_GT(without.intervals[0].lower, expected);
+  options.mesh_error = MechanicalFitOptions::MeshError::included;
+  const MechanicalFitResult with = fit_mechanical(problem, truth, options);
+  EXPECT_EQ(with.fabric.value("bend_uu"), without.fabric.value("bend_uu"));
+  ASSERT_EQ(with.mesh_shift.size(), 1);
+  EXPECT_LT(with.mesh_shift[0], 0);
+  EXPECT_LT(with.intervals[0].lower, expected);
+  EXPECT_GT(with.intervals[0].upper, expected);
+
+  // The shift is where a fit on the finer mesh ends: a Gauss-Newton step of some per cent of a
+  // parameter, to a tenth of it.
+  const MechanicalProblem finer = problem.refined();
+  EXPECT_EQ(finer.trials()[0]->options.cells, 10);
+  const MechanicalFitResult there = fit_mechanical(finer, truth);
+  const double moved = finer.scaled(there.fabric)[0] - problem.scaled(without.fabric)[0];
+  EXPECT_NEAR(with.mesh_shift[0], moved, 0.1 * std::abs(moved));
+}
+
 TEST(MechanicalProblem, RefusesWhatCannotBeFitted) {
   const auto trial = prepare_mechanical(bundled("blend_strip_45", {4}), with_cells(4));
   const Fabric fabric = true_fabric("blend_strip_45");

@@ -2,9 +2,11 @@
 
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "common/elastic_battery.h"
 #include "weft/base/error.h"
+#include "weft/mesh/grid_lines.h"
 
 namespace weft {
 namespace {
@@ -230,6 +232,33 @@ TEST(Springs, BendGoesWithTheFourthPowerOfTheCurvature) {
   const double sheared = make_elastic_model(mesh, fabric)->energy(x) - expected - diagonals;
   // What is left is of the springs along the diagonals of ring 1: none, edges and cells are kept.
   EXPECT_NEAR(sheared, 0, 2e-3 * expected);
+}
+
+TEST(Springs, BendOverCellsOfUnequalSize) {
+  // One row of cells, which stay flat, whose widths grow, folded at each line by the same small
+  // angle: the chord over cells of a and b is shorter by a b angle^2 / (2 (a + b)).
+  Fabric fabric = constants("springs");
+  fabric.set("weft_bend", 7);
+  const std::vector<double> u{0, 0.01, 0.024, 0.042}, v{0, 0.02};
+  const TriangleMesh mesh = make_swatch(u, v, GridPattern::uniform);
+  const double angle = 1e-2;
+  const auto columns = static_cast<Eigen::Index>(u.size());
+  Points x(3, mesh.vertex_count());
+  Vec2 at(0, 0);
+  double expected = 0;
+  for (Eigen::Index i = 0; i < columns; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const auto turns = static_cast<double>(i - 1);
+    if (i > 0) at += (u[k] - u[k - 1]) * Vec2(std::cos(angle * turns), std::sin(angle * turns));
+    for (Eigen::Index row = 0; row < 2; ++row)
+      x.col(row * columns + i) = Vec3(at.x(), v[static_cast<std::size_t>(row)], at.y());
+    if (i == 0 || i + 1 == columns) continue;
+    const double a = u[k] - u[k - 1], b = u[k + 1] - u[k];
+    const double c = a * b * angle * angle / (2 * (a + b) * (a + b));
+    expected += 0.5 * 7 * c * c * 0.5 * (a + b) * 0.02;
+  }
+  // Of the next order: angle^2 / 6 or so.
+  EXPECT_NEAR(make_elastic_model(mesh, fabric)->energy(x), expected, 1e-3 * expected);
 }
 
 TEST(Springs, NeedARegularGrid) {

@@ -6,16 +6,14 @@
 #include <opencv2/videoio.hpp>
 
 #include "weft/base/error.h"
+#include "weft/base/text_file.h"
 #include "weft/capture/capture.h"
-#include "weft/capture/capture_text.h"
 #include "weft/capture/srgb.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/vision/video.h"
 
 namespace weft {
 namespace {
-
-using detail::make_folder, detail::toml_string, detail::write_text;
 
 constexpr std::string_view kMotionFile = "fixtures.csv";
 /// Samples of motion a frame: a spline through them follows the one that is written at least as

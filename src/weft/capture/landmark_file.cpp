@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "weft/capture/capture_text.h"
+#include "weft/base/text_file.h"
 #include "weft/capture/table_file.h"
 
 namespace weft {
@@ -26,7 +26,7 @@ void write_landmarks(const std::filesystem::path& path, const std::vector<Landma
   for (const Landmark& l : landmarks)
     text += fmt::format("{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g}\n", l.uv.x(), l.uv.y(),
                         l.position.x(), l.position.y(), l.position.z(), l.weight);
-  detail::write_text(path, text);
+  write_text(path, text);
 }
 
 }  // namespace weft

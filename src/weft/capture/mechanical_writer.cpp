@@ -8,13 +8,11 @@
 #include <numbers>
 
 #include "weft/base/error.h"
-#include "weft/capture/capture_text.h"
+#include "weft/base/text_file.h"
 #include "weft/mesh/mesh_io.h"
 
 namespace weft {
 namespace {
-
-using detail::make_folder, detail::toml_string, detail::write_text;
 
 constexpr std::string_view kClipsFile = "clips.csv";
 constexpr std::array<std::string_view, 7> kPose{"px", "py", "pz", "qw", "qx", "qy", "qz"};

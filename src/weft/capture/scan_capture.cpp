@@ -8,9 +8,9 @@
 #include <numbers>
 #include <set>
 
+#include "weft/base/text_file.h"
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
-#include "weft/capture/capture_text.h"
 #include "weft/capture/landmark_file.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
@@ -286,7 +286,7 @@ Points read_frame(const ScanTarget& target, int vertices) {
 std::string clamp_text(const ScanClamp& clamp) {
   std::string text = fmt::format(
       "\n  [[target.clamp]]\n  name = {}\n  kind = \"{}\"\n  region = [[{}, {}], [{}, {}]]\n",
-      detail::toml_string(clamp.name), clamp.kind == ClampKind::bar ? "bar" : "points",
+      toml_string(clamp.name), clamp.kind == ClampKind::bar ? "bar" : "points",
       clamp.region.lower.x(), clamp.region.lower.y(), clamp.region.upper.x(),
       clamp.region.upper.y());
   if (clamp.force)
@@ -306,7 +306,7 @@ std::string write_shape(const std::filesystem::path& folder, const std::string& 
   if (shape.weights.size() > 0 && (shape.weights.array() != 1).any()) {
     std::string weights = "weight\n";
     for (const double w : shape.weights) weights += fmt::format("{}\n", w);
-    detail::write_text(folder / (stem + "_weights.csv"), weights);
+    write_text(folder / (stem + "_weights.csv"), weights);
     text += fmt::format("weights = \"{}_weights.csv\"\n", stem);
   }
   return text;
@@ -318,7 +318,7 @@ std::string write_raw(const std::filesystem::path& folder, const std::string& st
   std::string points;
   for (const auto& p : raw.scan.position.colwise())
     points += fmt::format("{:.9g} {:.9g} {:.9g}\n", p.x(), p.y(), p.z());
-  detail::write_text(folder / (stem + ".xyz"), points);
+  write_text(folder / (stem + ".xyz"), points);
   const auto axis = [](const Vec3& a) { return fmt::format("[{}, {}, {}]", a.x(), a.y(), a.z()); };
   std::string text = fmt::format("scan = \"{}.xyz\"\nu_axis = {}\nv_axis = {}\n", stem,
                                  axis(target.u_axis), axis(target.v_axis));
@@ -362,26 +362,26 @@ void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& 
     throw Error(fmt::format("{} shapes for {} targets", shapes.size(), capture.targets.size()));
   if (!raw.empty() && raw.size() != shapes.size())
     throw Error(fmt::format("{} raw scans for {} targets", raw.size(), shapes.size()));
-  detail::make_folder(folder);
+  make_folder(folder);
   std::string text = fmt::format(
       "format = \"weft-capture\"\nversion = 1\nkind = \"scan\"\nname = {}\ndescription = {}\n\n"
       "[swatch]\nwidth = {}\nheight = {}\nareal_density = {}\ngrain_angle_deg = {}\n",
-      detail::toml_string(capture.name), detail::toml_string(capture.description), capture.width,
-      capture.height, capture.areal_density, capture.grain_angle * 180 / std::numbers::pi);
+      toml_string(capture.name), toml_string(capture.description), capture.width, capture.height,
+      capture.areal_density, capture.grain_angle * 180 / std::numbers::pi);
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     const ScanTarget& target = capture.targets[i];
     const std::string stem = fmt::format("target_{}", i + 1);
     text += fmt::format("\n[[target]]\nname = {}\nnoise = {}\ngravity = [{}, {}, {}]\n",
-                        detail::toml_string(target.name), target.noise, target.gravity.x(),
+                        toml_string(target.name), target.noise, target.gravity.x(),
                         target.gravity.y(), target.gravity.z());
     text += !raw.empty() && raw[i].scan.size() > 0 ? write_raw(folder, stem, raw[i], target)
                                                    : write_shape(folder, stem, shapes[i], target);
     for (const ScanClamp& clamp : target.clamps) text += clamp_text(clamp);
   }
   if (capture.truth)
-    text += fmt::format("\n[truth]\nparameters = {}\n",
-                        detail::toml_string(capture.truth->generic_string()));
-  detail::write_text(folder / "capture.toml", text);
+    text +=
+        fmt::format("\n[truth]\nparameters = {}\n", toml_string(capture.truth->generic_string()));
+  write_text(folder / "capture.toml", text);
 }
 
 }  // namespace weft

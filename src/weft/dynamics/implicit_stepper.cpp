@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "weft/dynamics/air.h"
+
 namespace weft {
 
 namespace {
@@ -32,10 +34,11 @@ const double kStartFraction = 2 - std::sqrt(2.0);
 }  // namespace
 
 ImplicitStepper::ImplicitStepper(const ClothModel& model, const std::vector<PointFixture>& fixtures,
-                                 const SimulationOptions& options)
+                                 const SimulationOptions& options, const AirMotion* air)
     : model_(model),
       fixtures_(fixtures),
       options_(options),
+      air_(air),
       held_(held_vertices(fixtures, model.vertex_count())),
       max_linear_iterations_(most_linear_iterations(model.vertex_count())),
       preconditioner_(model.hessian_pattern(), held_, model.mesh().material),
@@ -149,6 +152,7 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   c_history_ = c.current * now.c + c.derivative * now.c_rate;
   if (previous && c.previous != 0) c_history_ += c.previous * previous->c;
   next.time = time;
+  if (air_) air_->at(time, next.air);
   predict(time, f.rate, next.x);
   work_.energies += 2;
   if (!newton(next, f.rate, counts, reason)) return false;
@@ -232,7 +236,9 @@ void ImplicitStepper::linearize(const State& next, double rate, std::optional<He
   velocity_ = rate * next.x - x_history_;
   prescribe_velocities(fixtures_, next.time, velocity_);
   drag_.setZero(3, velocity_.cols());
-  model_.add_drag(next.x, velocity_, drag_);
+  velocity_in_air_ = velocity_;
+  if (air_) velocity_in_air_ -= next.air;
+  model_.add_drag(next.x, velocity_in_air_, drag_);
   if (kind) {
     assemble(next.x, rate, *kind, gradient_, hessian_);
   } else {
@@ -253,7 +259,7 @@ void ImplicitStepper::assemble(const Points& x, double rate, HessianKind kind, P
                                SparseMatrix& hessian) {
   hessian.coeffs().setZero();
   model_.potential_hessian(x, {strain_rate_, &c_history_}, kind, gradient, hessian);
-  model_.add_drag_damping(x, velocity_, rate, hessian);
+  model_.add_drag_damping(x, velocity_in_air_, rate, hessian);
   const auto diagonal = model_.diagonal_slots();
   for (Eigen::Index i = 0; i < x.cols(); ++i) {
     for (int k = 0; k < 3; ++k) {

@@ -62,7 +62,7 @@ namespace weft {
 class ImplicitStepper {
  public:
   ImplicitStepper(const ClothModel& model, const std::vector<PointFixture>& fixtures,
-                  const SimulationOptions& options);
+                  const SimulationOptions& options, const AirMotion* air = nullptr);
 
   void start(State state);
   /// The same, with the derivatives by `parameters` followed from those of `state`.
@@ -109,6 +109,7 @@ class ImplicitStepper {
   const ClothModel& model_;
   const std::vector<PointFixture>& fixtures_;
   SimulationOptions options_;
+  const AirMotion* air_;  // null: still
   std::vector<char> held_;
   int max_linear_iterations_;
   SparseCholesky<float> preconditioner_;
@@ -124,7 +125,7 @@ class ImplicitStepper {
   Work work_;
   // Work space.
   SparseMatrix hessian_, projected_hessian_;
-  Points velocity_, gradient_, unused_gradient_, drag_, direction_, trial_;
+  Points velocity_, velocity_in_air_, gradient_, unused_gradient_, drag_, direction_, trial_;
   Points residual_, scaled_residual_, search_, product_;
   // Derivatives.
   std::vector<int> parameters_;

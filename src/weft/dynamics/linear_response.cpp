@@ -51,7 +51,8 @@ void StrainHistory::add(double factor, const Directions& strains) {
 void LinearResponse::set_state(const ClothModel& model, const State& state,
                                const std::vector<int>& parameters, const StrainHistory& history) {
   model.strain_jacobian(state.x, strains_);
-  model.drag_jacobian(state.x, state.v, drag_);
+  const Points velocity = state.velocity_in_air();
+  model.drag_jacobian(state.x, velocity, drag_);
   const ComponentTable& table = model.components();
   // Row p has a 1 in the column of parameter p, if it has one.
   Directions columns = Directions::Zero(model.values().size(), kDirections);
@@ -69,7 +70,7 @@ void LinearResponse::set_state(const ClothModel& model, const State& state,
   strains_.add_transposed_rows(factor, right_side_);
   for (std::size_t p = 0; p < parameters.size(); ++p) {
     if (!model.drag_depends_on(parameters[p])) continue;
-    model.drag_derivative(state.x, state.v, parameters[p], drag_derivative_);
+    model.drag_derivative(state.x, velocity, parameters[p], drag_derivative_);
     right_side_.col(static_cast<Eigen::Index>(p)) += flat(drag_derivative_);
   }
 }
@@ -147,6 +148,7 @@ StateDerivatives derivatives_at_rest(const ClothModel& model,
     // Without velocities: drag is no part of an equilibrium.
     State still = state;
     still.v.setZero();
+    still.air.resize(3, 0);
     response.set_state(model, still, parameters);
     SparseCholesky<double> cholesky(model.hessian_pattern(), held, model.mesh().material);
     SparseMatrix regular = hessian;

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "weft/base/error.h"
+#include "weft/dynamics/air.h"
 #include "weft/dynamics/implicit_stepper.h"
 #include "weft/dynamics/linear_response.h"
 #include "weft/dynamics/runge_kutta.h"
@@ -92,6 +93,23 @@ void check(const Scene& scene, const SimulationOptions& options) {
   check(options);
 }
 
+void check(const AirMotion& air, const Scene& scene, const SimulationOptions& options) {
+  if (air.still()) return;
+  if (options.integrator == Integrator::runge_kutta)
+    throw Error("moving air: not with runge-kutta; use bdf2, newmark or implicit-euler");
+  if (air.velocity.size() != air.times.size())
+    throw Error(
+        fmt::format("air: {} times but {} velocities", air.times.size(), air.velocity.size()));
+  for (std::size_t k = 0; k < air.times.size(); ++k) {
+    if (!std::isfinite(air.times[k]) || (k > 0 && air.times[k] <= air.times[k - 1]))
+      throw Error(fmt::format("air: times must be finite and increase, but sample {} is at {} s", k,
+                              air.times[k]));
+    if (air.velocity[k].cols() != scene.mesh.vertex_count() || !air.velocity[k].allFinite())
+      throw Error(
+          fmt::format("air: sample {} is not {} finite velocities", k, scene.mesh.vertex_count()));
+  }
+}
+
 void diverge(Trajectory& trajectory, std::string reason) {
   trajectory.diverged = true;
   trajectory.divergence = std::move(reason);
@@ -105,10 +123,12 @@ int steps_per_frame(const SimulationOptions& options) {
 
 class Run {
  public:
-  Run(const ClothModel& model, const Scene& scene, const SimulationOptions& options,
-      const StepObserver& observer, Trajectory& trajectory, Sensitivities* sensitivities)
+  Run(const ClothModel& model, const Scene& scene, const AirMotion* air,
+      const SimulationOptions& options, const StepObserver& observer, Trajectory& trajectory,
+      Sensitivities* sensitivities)
       : model_(model),
         scene_(scene),
+        air_(air),
         options_(options),
         observer_(observer),
         trajectory_(trajectory),
@@ -121,7 +141,7 @@ class Run {
   }
 
   void run_implicit(State start) {
-    ImplicitStepper stepper(model_, scene_.fixtures, options_);
+    ImplicitStepper stepper(model_, scene_.fixtures, options_, air_);
     if (!sensitivities_) {
       stepper.start(std::move(start));
       return follow(stepper, [] {});
@@ -175,6 +195,7 @@ class Run {
 
   const ClothModel& model_;
   const Scene& scene_;
+  const AirMotion* air_;  // null: still
   const SimulationOptions& options_;
   const StepObserver& observer_;
   Trajectory& trajectory_;
@@ -182,9 +203,12 @@ class Run {
   Points force_;
 };
 
-Trajectory run(const Scene& scene, const Fabric& fabric, const SimulationOptions& options,
-               const StepObserver& observer, Sensitivities* sensitivities) {
+Trajectory run(const Scene& scene, const AirMotion& moving_air, const Fabric& fabric,
+               const SimulationOptions& options, const StepObserver& observer,
+               Sensitivities* sensitivities) {
   check(scene, options);
+  check(moving_air, scene, options);
+  const AirMotion* air = moving_air.still() ? nullptr : &moving_air;
   const ClothModel model(scene.mesh, fabric, scene.areal_density, scene.gravity);
   Trajectory trajectory;
   const double start_time = scene.frame_times.front();
@@ -202,12 +226,12 @@ Trajectory run(const Scene& scene, const Fabric& fabric, const SimulationOptions
     }
     start = std::move(settled.x);
   }
-  State state = state_from_rest(model, scene.fixtures, start_time, start);
+  State state = state_from_rest(model, scene.fixtures, start_time, start, air);
   if (!state.a.allFinite()) {
     diverge(trajectory, "the forces at the start are not finite");
     return trajectory;
   }
-  Run run(model, scene, options, observer, trajectory, sensitivities);
+  Run run(model, scene, air, options, observer, trajectory, sensitivities);
   if (options.integrator == Integrator::runge_kutta) {
     run.run_explicit(std::move(state));
   } else {
@@ -220,10 +244,22 @@ Trajectory run(const Scene& scene, const Fabric& fabric, const SimulationOptions
 
 Trajectory simulate(const Scene& scene, const Fabric& fabric, const SimulationOptions& options,
                     const StepObserver& observer) {
-  return run(scene, fabric, options, observer, nullptr);
+  return run(scene, {}, fabric, options, observer, nullptr);
+}
+
+Trajectory simulate(const Scene& scene, const AirMotion& air, const Fabric& fabric,
+                    const SimulationOptions& options) {
+  return run(scene, air, fabric, options, {}, nullptr);
 }
 
 TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, const Fabric& fabric,
+                                                        const std::vector<int>& parameters,
+                                                        const SimulationOptions& options) {
+  return simulate_with_sensitivities(scene, {}, fabric, parameters, options);
+}
+
+TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, const AirMotion& air,
+                                                        const Fabric& fabric,
                                                         const std::vector<int>& parameters,
                                                         const SimulationOptions& options) {
   if (options.integrator == Integrator::runge_kutta) {
@@ -244,7 +280,7 @@ TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, cons
   }
   TrajectoryWithSensitivities out;
   out.sensitivities.parameters = parameters;
-  out.trajectory = run(scene, fabric, options, {}, &out.sensitivities);
+  out.trajectory = run(scene, air, fabric, options, {}, &out.sensitivities);
   return out;
 }
 

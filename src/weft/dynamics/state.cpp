@@ -1,12 +1,14 @@
 #include "weft/dynamics/state.h"
 
+#include "weft/dynamics/air.h"
+
 namespace weft {
 
 void total_force(const ClothModel& model, const State& state, Points& force) {
   VecX history;
   model.potential_gradient(state.x, damping_at(state, history), force);
   force = -force;
-  model.add_drag(state.x, state.v, force);
+  model.add_drag(state.x, state.velocity_in_air(), force);
 }
 
 void prescribe_positions(const std::vector<PointFixture>& fixtures, double time, Points& x) {
@@ -39,10 +41,11 @@ DampingRate damping_at(const State& state, VecX& history) {
 }
 
 State state_from_rest(const ClothModel& model, const std::vector<PointFixture>& fixtures,
-                      double time, const Points& x) {
+                      double time, const Points& x, const AirMotion* air) {
   State state;
   state.time = time;
   state.x = x;
+  if (air) air->at(time, state.air);
   prescribe_positions(fixtures, time, state.x);
   state.v.setZero(3, x.cols());
   prescribe_velocities(fixtures, time, state.v);

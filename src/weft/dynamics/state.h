@@ -6,6 +6,8 @@
 
 namespace weft {
 
+struct AirMotion;
+
 /// Derivatives of a state by parameters of the fabric; all empty where they are not followed.
 struct StateDerivatives {
   Directions x, v, a, c, c_rate;
@@ -20,7 +22,11 @@ struct State {
   Points a;         ///< m/s^2
   VecX c;           ///< strains of all components
   VecX c_rate;      ///< their rates as the integrator sees them, 1/s
+  Points air;       ///< velocity of the air at the vertices, m/s; no columns: still
   StateDerivatives derivatives;
+
+  /// Velocity of the cloth relative to the air: what drag acts by.
+  Points velocity_in_air() const { return air.cols() > 0 ? Points(v - air) : v; }
 };
 
 /// Sets the columns of the fixtures' vertices to what their motions say.
@@ -35,9 +41,9 @@ std::vector<char> held_vertices(const std::vector<PointFixture>& fixtures, int v
 DampingRate damping_at(const State& state, VecX& history);
 
 /// Cloth at `x` with velocity `v`, strain rates zero, and accelerations from the equation of
-/// motion. Fixtures are at x, v and a as prescribed.
+/// motion. Fixtures are at x, v and a as prescribed. No `air`: still.
 State state_from_rest(const ClothModel& model, const std::vector<PointFixture>& fixtures,
-                      double time, const Points& x);
+                      double time, const Points& x, const AirMotion* air = nullptr);
 
 /// Elasticity, damping (at the strain rates of `state`), gravity and drag, 3 x vertices, N.
 void total_force(const ClothModel& model, const State& state, Points& force);

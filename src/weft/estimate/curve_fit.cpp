@@ -270,6 +270,8 @@ class CurveFitter {
       return !stopped_;
     };
     const VecX scaled = p.scaled(from);
+    MechanicalFitOptions options = options_.fit;
+    options.mesh_error = MechanicalFitOptions::MeshError::left_out;  // on the way
     for (const double factor : kFactors) {
       VecX x = scaled;
       for (int i = 0; i < p.dimension(); ++i)
@@ -277,7 +279,7 @@ class CurveFitter {
           x[i] = std::clamp(to_scaled(p.info(i), factor * from_scaled(p.info(i), scaled[i])), 0.0,
                             1.0);
       try {
-        return fit_mechanical(p, p.fabric(x), options_.fit, observer);
+        return fit_mechanical(p, p.fabric(x), options, observer);
       } catch (const Error&) {
         if (factor == kFactors.back()) throw;
       }

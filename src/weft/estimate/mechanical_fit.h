@@ -63,6 +63,8 @@ class MechanicalProblem {
   ParameterInfo info(int i) const { return fabric_.info(indices_[static_cast<std::size_t>(i)]); }
   const std::vector<std::shared_ptr<const MechanicalTrial>>& trials() const { return trials_; }
   std::size_t residual_count() const { return residual_count_; }
+  /// The same on cells of half the width. Throws Error where these would be more than may be.
+  MechanicalProblem refined() const;
   VecX scaled(const Fabric& fabric) const;
   Fabric fabric(const VecX& scaled) const;
 
@@ -108,6 +110,8 @@ struct MechanicalFitOptions {
   }
   LeastSquaresOptions least_squares;
   double confidence = 0.9;  ///< of the intervals
+  /// What the width of the cells does to the estimate: left out, or in the intervals.
+  enum class MeshError { left_out, included } mesh_error = MeshError::left_out;
 };
 
 struct MechanicalFitStep {
@@ -124,6 +128,10 @@ struct MechanicalFitResult {
   /// Of the free parameters, by the jackknife over frames (uncertainty.h); empty with fewer than
   /// two compared frames.
   std::vector<ParameterInterval> intervals;
+  /// With MeshError::included: how far the estimate would move on cells of half the width, scaled
+  /// coordinates, by a Gauss-Newton step there. Twice that, where it would go if the error fell in
+  /// proportion to the width, is in the intervals. Empty where a finer mesh has no equilibrium.
+  VecX mesh_shift;
   MatX correlation;      ///< of the free parameters, scaled coordinates
   double condition = 0;  ///< of the Gauss-Newton matrix
   int inexact = 0;

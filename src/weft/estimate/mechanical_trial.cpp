@@ -291,14 +291,17 @@ double largest_measured_force(const MechanicalCapture& capture) {
 
 }  // namespace
 
-std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
-                                                          const MechanicalOptions& options) {
+namespace {
+
+std::shared_ptr<const MechanicalTrial> prepare(const MechanicalCapture& capture,
+                                               std::optional<MeasuredGeometry> geometry,
+                                               const MechanicalOptions& options) {
   if (options.cells < 2 || options.cells > kMostCells)
     throw Error(fmt::format("cells is {}, must be in [2, {}]", options.cells, kMostCells));
   auto trial = std::make_shared<MechanicalTrial>();
   trial->capture = capture;
   trial->options = options;
-  if (capture.geometry) trial->geometry = read_geometry(capture);
+  trial->geometry = std::move(geometry);
   std::vector<std::vector<MaterialRectangle>> seen;
   for (int frame = 0; frame < capture.frame_count; ++frame) {
     const auto regions = regions_of(capture.clips(frame));
@@ -315,6 +318,21 @@ std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCaptur
     trial->stage_of_frame.push_back(static_cast<int>(index));
   }
   return trial;
+}
+
+}  // namespace
+
+std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
+                                                          const MechanicalOptions& options) {
+  std::optional<MeasuredGeometry> geometry;
+  if (capture.geometry) geometry = read_geometry(capture);
+  return prepare(capture, std::move(geometry), options);
+}
+
+std::shared_ptr<const MechanicalTrial> refined(const MechanicalTrial& trial) {
+  MechanicalOptions options = trial.options;
+  options.cells *= 2;
+  return prepare(trial.capture, trial.geometry, options);
 }
 
 MechanicalFrames simulate_mechanical(

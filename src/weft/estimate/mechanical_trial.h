@@ -52,6 +52,8 @@ struct MechanicalTrial {
 /// the clips do not fit on the mesh.
 std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
                                                           const MechanicalOptions& options = {});
+/// The same on cells of half the width. Throws Error where these would be more than may be.
+std::shared_ptr<const MechanicalTrial> refined(const MechanicalTrial& trial);
 
 /// One frame, computed.
 struct MechanicalFrame {

@@ -38,7 +38,7 @@ VecX noise_variances(const MatX& hessian, std::size_t residual_count) {
 ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, const VecX& scaled,
                                      const QuadraticModel& model,
                                      const std::vector<CostPart>& parts, std::size_t residual_count,
-                                     double confidence) {
+                                     double confidence, const VecX& systematic) {
   ResidualIntervals result;
   if (parts.size() < 2) return result;
   const auto free = inside_bounds(scaled, model.gradient);
@@ -66,6 +66,7 @@ ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, co
     interval.unit = info.unit;
     interval.value = from_scaled(info, scaled[i]);
     interval.half_width = std::max(t * std::sqrt(covariance(i, i)), normal * std::sqrt(noise[i]));
+    if (systematic.size() > 0) interval.half_width += systematic[i];
     interval.at_lower = scaled[i] <= 0;
     interval.at_upper = scaled[i] >= 1;
     const bool held = std::find(free.begin(), free.end(), i) == free.end();

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "weft/base/error.h"
+#include "weft/base/text_file.h"
 #include "weft/base/toml_reader.h"
 #include "weft/fabric/arcsim_material.h"
 #include "weft/fabric/kes_fabric.h"
@@ -23,22 +24,6 @@ constexpr int kVersion = 1;
 constexpr Range kArealDensity{1e-3, 100};  // kg/m^2
 constexpr Range kPriorFactor{1.001, 1e6};
 constexpr double kHuge = 1e12;  // of any unit: catches typing errors only
-
-/// `text` as a basic string of TOML, with its quotes.
-std::string toml_string(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\')
-      (out += '\\') += c;
-    else if (c == '\n')
-      out += "\\n";
-    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
-      out += fmt::format("\\u{:04X}", static_cast<unsigned>(c));
-    else
-      out += c;
-  }
-  return out + "\"";
-}
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 

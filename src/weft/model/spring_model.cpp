@@ -71,6 +71,13 @@ std::map<Edge, Link> find_links(const TriangleMesh& mesh) {
 
 Component bend_of(Component stretch) { return static_cast<Component>(stretch + kWeftBend); }
 
+/// Of two neighbours of one vertex along the same component: on opposite sides of it. Cells need
+/// not be of equal size.
+bool opposite(Component component, const Vec2& to_a, const Vec2& to_b) {
+  if (component != kShear) return to_a.dot(to_b) < 0;
+  return to_a.x() * to_b.x() < 0 && to_a.y() * to_b.y() < 0;
+}
+
 /// Pairs of neighbours that lie opposite to each other about their vertex.
 void add_second_ring(const TriangleMesh& mesh, const std::map<Edge, Link>& links,
                      std::vector<Spring>& springs) {
@@ -83,11 +90,13 @@ void add_second_ring(const TriangleMesh& mesh, const std::map<Edge, Link>& links
     const auto& around = neighbours[at(v)];
     for (std::size_t i = 0; i < around.size(); ++i)
       for (std::size_t j = i + 1; j < around.size(); ++j) {
+        const Component component = around[i].second.component;
+        if (component != around[j].second.component) continue;
         const Vec2 to_a = mesh.material.col(around[i].first) - mesh.material.col(v);
         const Vec2 to_b = mesh.material.col(around[j].first) - mesh.material.col(v);
-        if ((to_a + to_b).norm() > kAngleTolerance * to_a.norm()) continue;
+        if (!opposite(component, to_a, to_b)) continue;
         const auto [a, b] = edge(around[i].first, around[j].first);
-        springs.push_back({a, b, bend_of(around[i].second.component), (to_a - to_b).norm(),
+        springs.push_back({a, b, bend_of(component), (to_a - to_b).norm(),
                            0.5 * (around[i].second.area + around[j].second.area), 0});
       }
   }

@@ -11,7 +11,8 @@
 ///   too: on square cells a linear fabric has A11 = weft_stretch + shear, A12 = shear, A22 =
 ///   warp_stretch + shear in the small-strain limit. No choice of springs is without it.
 /// - weft_bend, warp_bend, diagonal_bend: between the two neighbours of a vertex that lie opposite
-///   to each other along weft, warp and both diagonals (ring 2).
+///   to each other along weft, warp and both diagonals (ring 2); where cells are not of equal size
+///   those of diagonals do not pass through the vertex, and are straight at rest all the same.
 ///
 /// Ring-2 springs are no plate. Bent to the curvature kappa the chord over two edges of length h is
 /// shorter by (kappa h)^2 / 8, so that the energy goes with kappa^4 h^4: a flat sheet has no

@@ -7,6 +7,7 @@
 #include <istream>
 
 #include "weft/base/error.h"
+#include "weft/base/text_file.h"
 #include "weft/report/plot.h"
 #include "weft/report/text.h"
 
@@ -25,13 +26,6 @@ std::string coordinate(const PlotAxis& axis, double value) {
     return csv_field(axis.categories[static_cast<std::size_t>(index)]);
   }
   return csv_number(value);
-}
-
-void write_text(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.close();
-  if (!file) throw Error(path.string() + ": cannot be written");
 }
 
 template <typename Plot>

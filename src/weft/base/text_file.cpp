@@ -1,4 +1,4 @@
-#include "weft/capture/capture_text.h"
+#include "weft/base/text_file.h"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 
 #include "weft/base/error.h"
 
-namespace weft::detail {
+namespace weft {
 
 void write_text(const std::filesystem::path& path, const std::string& text) {
   std::ofstream stream(path, std::ios::binary);
@@ -36,4 +36,4 @@ std::string toml_string(std::string_view text) {
   return result + '"';
 }
 
-}  // namespace weft::detail
+}  // namespace weft

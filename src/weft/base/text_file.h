@@ -1,10 +1,10 @@
 #pragma once
-/// What the writers of all kinds of captures share.
+/// Text files, and text in TOML files.
 #include <filesystem>
 #include <string>
 #include <string_view>
 
-namespace weft::detail {
+namespace weft {
 
 /// Throws Error, with the path, if the file cannot be written or the folder cannot be made.
 void write_text(const std::filesystem::path& path, const std::string& text);
@@ -12,4 +12,4 @@ void make_folder(const std::filesystem::path& folder);
 /// `text` as a basic string of TOML, with its quotes.
 std::string toml_string(std::string_view text);
 
-}  // namespace weft::detail
+}  // namespace weft
