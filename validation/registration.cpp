@@ -1,12 +1,14 @@
 /// Registration against what others measured or simulated.
 ///
 ///   weft_validate_registration truth OUT FRAMES CAPTURE...   true surfaces as noisy clouds
+///   weft_validate_registration hung OUT FRAME CAPTURE...     one of them, also from hanging cloth
 ///   weft_validate_registration video OUT CLOUDS UNIT START SIDE PICTURES CAMERA
-///   weft_validate_registration partial OUT CLOUDS UNIT SIDE
+///   weft_validate_registration partial OUT CLOUDS UNIT SIDE [HELD]
 ///
 /// CLOUDS: a sequence of scans, UNIT m per unit; START: OBJ of the first frame with vt in m; SIDE:
 /// m of the square cloth; PICTURES: a pattern of numbered images; CAMERA: "fx,fy,cx,cy" in px, the
-/// clouds' axes x right, y down, z forward.
+/// clouds' axes x right, y down, z forward; HELD: "x,y,z" of the corner u = v = 0 in the last
+/// frame, in m of the clouds' axes.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -23,6 +25,7 @@
 #include "weft/base/random.h"
 #include "weft/capture/capture.h"
 #include "weft/mesh/mesh_io.h"
+#include "weft/registration/hung_start.h"
 #include "weft/registration/landmarks.h"
 #include "weft/registration/nonrigid_icp.h"
 #include "weft/report/pictures.h"
@@ -122,6 +125,103 @@ void validate_truth(const fs::path& out, const std::vector<std::string>& words) 
         capture.name, frames, 1e3 * first, 1e3 * quantile(means, 0.5), 1e3 * means.back(),
         1e3 * quantile(offs, 0.5));
   }
+}
+
+struct TruthError {
+  double mean = 0, max = 0;  ///< m, at the same (u, v)
+};
+TruthError error_of(const Points& x, const Points& expected) {
+  const Points d = x - expected;
+  return {d.colwise().norm().mean(), d.colwise().norm().maxCoeff()};
+}
+
+/// Root mean square of the strains of the cells, measured at their centres: along u, along v, and
+/// the cosine between the two times their lengths.
+Vec3 strains_of(const GridTemplate& grid, const Points& x) {
+  Vec3 sum = Vec3::Zero();
+  for (int j = 0; j + 1 < grid.rows; ++j) {
+    for (int i = 0; i + 1 < grid.columns; ++i) {
+      const int a = grid.vertex(i, j), b = grid.vertex(i, j + 1);
+      const Vec3 u = (x.col(a + 1) - x.col(a) + x.col(b + 1) - x.col(b)) / (2 * grid.cell_u());
+      const Vec3 v = (x.col(b) - x.col(a) + x.col(b + 1) - x.col(a + 1)) / (2 * grid.cell_v());
+      sum += Vec3(u.norm() - 1, v.norm() - 1, u.dot(v)).cwiseAbs2();
+    }
+  }
+  return (sum / ((grid.rows - 1) * (grid.columns - 1))).cwiseSqrt();
+}
+
+/// One frame from the flat sheet, and from there and from cloth that hangs by the fixtures; what
+/// each start costs beside where it ends.
+void validate_hung(const fs::path& out, const std::vector<std::string>& words) {
+  std::ofstream table(out / "hung.csv");
+  table << "capture,frame,start,same_point_mean_m,same_point_max_m,cost_m4,inliers,strain_rms,"
+           "unsupported\n";
+  const int frame = std::stoi(words.at(0));
+  LinePlot plot;
+  plot.title = "where each start of a registration ends, and what it costs there";
+  plot.x.label = "cost, of the start that is the truth";
+  plot.x.logarithmic = true;
+  plot.y.label = "distance at the same (u, v)";
+  plot.y.unit = "mm";
+  plot.y.from_zero = true;
+  for (const std::string& folder : std::vector(words.begin() + 1, words.end())) {
+    const Capture capture = read_capture(folder);
+    const TruthSurface truth = read_truth(capture);
+    const MaterialLocator locator(truth.mesh);
+    const GridTemplate grid = make_grid_template(capture.width, capture.height, 41, 41);
+    PlotSeries series;
+    series.name = capture.name;
+    series.mark = PlotSeries::Mark::points;
+    const Points& surface = truth.frames.at(static_cast<std::size_t>(frame));
+    const Points expected = interpolate(truth.mesh, locator, surface, grid.mesh.material);
+    const Scan scan =
+        cloud_of(truth.mesh, locator, surface, grid, static_cast<std::uint64_t>(frame));
+    const ScanGeometry geometry = scan_geometry(scan);
+    std::vector<Landmark> held;
+    for (const CaptureFixture& fixture : capture.fixtures)
+      held.push_back({fixture.at, fixture.motion.position(frame / capture.frame_rate), 1});
+    const auto flat = flat_starts(grid, scan, geometry, Vec3::UnitX(), -Vec3::UnitZ());
+    const auto hung = hung_starts(grid, scan, geometry, held);
+    const auto run = [&](const std::vector<RegistrationStart>& starts,
+                         const std::vector<Landmark>& landmarks, const std::string& name) {
+      ScanRegistration best;
+      for (std::size_t k = 0; k < starts.size(); ++k) {
+        ScanRegistration r = register_scan(grid, scan, geometry, starts[k], landmarks);
+        const TruthError error = error_of(r.x, expected);
+        int unsupported = 0;
+        for (int v = 0; v < grid.mesh.vertex_count(); ++v) unsupported += !r.supported(v);
+        table << fmt::format("{},{},{} {},{:.6g},{:.6g},{:.6g},{},{:.4g},{}\n", capture.name, frame,
+                             name, k, error.mean, error.max, r.cost, r.inliers, r.strain_rms,
+                             unsupported);
+        if (!landmarks.empty()) {
+          series.x.push_back(r.cost);
+          series.y.push_back(1e3 * error.mean);
+        }
+        if (k == 0 || r.cost < best.cost) best = std::move(r);
+      }
+      return best;
+    };
+    const ScanRegistration before = run(flat, {}, "flat");
+    ScanRegistration after = run(flat, held, "flat and held");
+    if (ScanRegistration r = run(hung, held, "hung"); r.cost < after.cost) after = std::move(r);
+    // What the registration makes of the truth itself: the source's cloth is strained.
+    const ScanRegistration floor =
+        run({{expected, {}, RegistrationStart::View::part, 0.01}}, held, "truth");
+    for (double& cost : series.x) cost /= floor.cost;
+    plot.series.push_back(std::move(series));
+    fmt::print("{} frame {}, same (u, v), mean / largest:", capture.name, frame);
+    for (const ScanRegistration* r :
+         {&before, static_cast<const ScanRegistration*>(&after), &floor})
+      fmt::print("  {:.1f} / {:.0f} mm", 1e3 * error_of(r->x, expected).mean,
+                 1e3 * error_of(r->x, expected).max);
+    const Vec3 strains = 100 * strains_of(grid, expected);
+    fmt::print(
+        "  (flat; held points and hanging cloth; from the truth); strain of the truth {:.1f}, "
+        "{:.1f}, "
+        "{:.1f} %\n",
+        strains.x(), strains.y(), strains.z());
+  }
+  write_plot(out / "hung.svg", plot);
 }
 
 // --- clouds of a camera ---
@@ -311,13 +411,25 @@ void validate_partial(const fs::path& out, const std::vector<std::string>& words
   const GridTemplate grid = make_grid_template(side, side, 21, 21);
   // The last frame of each trial, where the cloth hangs from the gripper by a corner.
   const Vec3 u = Vec3(1, 0, -1).normalized(), v = Vec3(-1, 0, -1).normalized();
+  std::vector<Landmark> held;
+  if (words.size() > 3) {
+    std::istringstream numbers(words[3]);
+    Landmark corner;
+    char comma = 0;
+    numbers >> corner.position.x() >> comma >> corner.position.y() >> comma >> corner.position.z();
+    if (!numbers) throw Error("HELD: expected x,y,z");
+    held.push_back(corner);
+  }
   constexpr std::size_t trial = 25;
   for (std::size_t k = trial - 1; k < scans.size(); k += trial) {
     const Split parts = split(scans[k]);
     const ScanGeometry geometry = scan_geometry(parts.used);
-    const ScanRegistration r =
-        register_scan(grid, parts.used, geometry, flat_starts(grid, parts.used, geometry, u, v));
-    const Held held = held_distance(grid, r.x, parts.held);
+    auto starts = flat_starts(grid, parts.used, geometry, u, v);
+    if (!held.empty())
+      for (RegistrationStart& start : hung_starts(grid, parts.used, geometry, held))
+        starts.push_back(std::move(start));
+    const ScanRegistration r = register_scan(grid, parts.used, geometry, starts, held);
+    const Held distance = held_distance(grid, r.x, parts.held);
     int unsupported = 0;
     for (int i = 0; i < grid.mesh.vertex_count(); ++i) unsupported += !r.supported(i);
     fmt::print(
@@ -325,15 +437,15 @@ void validate_partial(const fs::path& out, const std::vector<std::string>& words
         "{:.2f}, 90 % {:.2f} mm, {:.0f} % of all within 5 mm; {} of {} vertices unsupported; "
         "strain "
         "rms {:.1f} %\n",
-        k, r.inliers, r.points, 1e3 * held.median, 1e3 * held.p90, 100 * held.within, unsupported,
-        grid.mesh.vertex_count(), 100 * r.strain_rms);
+        k, r.inliers, r.points, 1e3 * distance.median, 1e3 * distance.p90, 100 * distance.within,
+        unsupported, grid.mesh.vertex_count(), 100 * r.strain_rms);
     write_obj(out / fmt::format("partial_{}.obj", k), grid.mesh, r.x);
   }
 }
 
 int run(int argc, char** argv) {
   if (argc < 4) {
-    fmt::print(stderr, "usage: weft_validate_registration truth|video|partial OUT ...\n");
+    fmt::print(stderr, "usage: weft_validate_registration truth|hung|video|partial OUT ...\n");
     return 2;
   }
   const std::string kind = argv[1];
@@ -341,6 +453,7 @@ int run(int argc, char** argv) {
   fs::create_directories(out);
   const std::vector<std::string> words(argv + 3, argv + argc);
   if (kind == "truth") validate_truth(out, words);
+  if (kind == "hung") validate_hung(out, words);
   if (kind == "video") validate_video(out, words);
   if (kind == "partial") validate_partial(out, words);
   return 0;

@@ -116,7 +116,8 @@ void add_evaluate(CLI::App& app) {
     const CaptureKind kind = capture_kind(arguments->capture);
     if (kind == CaptureKind::scan) {
       refuse_options(*command, video_option_names(), "a scan");
-      evaluate_scan(arguments->capture, arguments->fabric, arguments->scan.options(*command),
+      evaluate_scan(arguments->capture, arguments->fabric,
+                    arguments->scan.options(*command, arguments->trial.threads()),
                     *arguments->scan.solver(), arguments->json, arguments->trial.threads());
       return;
     }

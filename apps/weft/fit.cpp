@@ -249,39 +249,6 @@ void print_result(const FitResult& fit, const Report& report,
   for (const std::string& warning : report_warnings(report)) fmt::print("warning: {}\n", warning);
 }
 
-/// Whether the folder holds what a fit that was stopped left there: it may continue.
-bool holds_stopped_fit(const std::filesystem::path& out) {
-  std::error_code ignored;
-  if (!std::filesystem::exists(out / "result.json", ignored) ||
-      !std::filesystem::exists(out / kStoreName, ignored)) {
-    return false;
-  }
-  try {
-    return read_result(out / "result.json").stopped;
-  } catch (const Error&) {
-    return false;  // not written by a fit
-  }
-}
-
-/// A run that was killed has its evaluations but no result, one that was stopped has the result
-/// until then; both continue.
-void prepare_folder(const Arguments& arguments, const std::filesystem::path& out) {
-  if (!arguments.overwrite) {
-    std::vector<std::string> results;
-    if (!holds_stopped_fit(out)) results.emplace_back("result.json");
-    prepare_output_folder(out, results, Existing::refuse);
-    return;
-  }
-  prepare_output_folder(out, {}, Existing::overwrite);
-  // SQLite would read a log that a killed run left into the new store.
-  for (const std::string name : {"result.json", "fabric.toml", "report.html"}) {
-    std::filesystem::remove(out / name);
-  }
-  for (const std::string ending : {"", "-wal", "-shm"}) {
-    std::filesystem::remove(out / (kStoreName + ending));
-  }
-}
-
 EvaluationStore open_store(const std::filesystem::path& out, const Problem& problem) {
   EvaluationStore store(out / kStoreName);
   if (store.count() > 0 && store.count(problem) == 0) {
@@ -329,7 +296,7 @@ void run(const Arguments& arguments) {
                     arguments.initial));
   check_parameters("--parameters", initial.model, arguments.parameters);
   check_parameters("--coarse", initial.model, arguments.coarse);
-  prepare_folder(arguments, out);
+  prepare_fit_folder(out, kStoreName, arguments.overwrite ? Existing::overwrite : Existing::refuse);
   const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
   const std::vector<std::string> free = free_parameters(arguments, initial.model);
   std::optional<MechanicalBeside> tests;
@@ -425,7 +392,7 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
   fit.seed = arguments.seed;
   fit.overwrite = arguments.overwrite;
   fit.threads = arguments.trial.threads();
-  fit.options = arguments.scan.options(command);
+  fit.options = arguments.scan.options(command, fit.threads);
   fit.solver = arguments.scan.solver();
   run_scan_fit(fit);
 }

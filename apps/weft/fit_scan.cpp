@@ -14,6 +14,7 @@
 #include "weft/base/progress.h"
 #include "weft/base/text_file.h"
 #include "weft/fabric/orthotropic.h"
+#include "weft/mesh/mesh_io.h"
 #include "weft/report/report_html.h"
 #include "weft/report/result.h"
 
@@ -22,6 +23,8 @@ namespace {
 
 /// Where nothing is known: the middle of what cloth is.
 constexpr OrthotropicModuli kUsualCloth{200, 200, 40, 0.3, 5e-6};
+
+const std::string kStoreName = "scan_evaluations.sqlite";
 
 Fabric start_fabric(const ScanFitArguments& arguments, const std::vector<ScanCapture>& captures) {
   Fabric fabric = arguments.initial.empty()
@@ -143,8 +146,24 @@ void print_result(const ScanFitResult& fit, const Report& report,
   fmt::print("error {:.5g}, at the start {:.5g}; {} iterations, {} evaluations in {:.1f} s\n",
              report.error, report.error_initial, fit.iterations, report.evaluations, report.wall_s);
   for (std::size_t i = 0; i < trials.size(); ++i)
-    fmt::print("{}", scan_summary(*trials[i], differences[i]));
+    fmt::print("{}{}", registration_summary(*trials[i]), scan_summary(*trials[i], differences[i]));
   for (const std::string& remark : report.remarks) fmt::print("warning: {}\n", remark);
+}
+
+/// Grids that were laid on raw scans, as a capture that names them as `grid` and `weights`.
+void write_registered(const std::filesystem::path& out,
+                      const std::vector<std::shared_ptr<const ScanTrial>>& trials) {
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    const ScanTrial& trial = *trials[i];
+    if (!trial.registration) continue;
+    const std::string stem = fmt::format("registered_{}", i + 1);
+    write_obj(out / (stem + ".obj"), trial.shape.mesh, trial.shape.x,
+              fmt::format("{}, registered to {}", trial.target.name,
+                          trial.target.scan.filename().string()));
+    std::string weights = "weight\n";
+    for (const double w : trial.shape.weights) weights += fmt::format("{:.6g}\n", w);
+    write_text(out / (stem + "_weights.csv"), weights);
+  }
 }
 
 }  // namespace
@@ -199,10 +218,10 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   options.balance = scan_balance_from_name(arguments.balance);
   options.random_starts = arguments.random_starts;
   options.seed = arguments.seed;
-  const ScanProblem problem(trials, arguments.solver, initial, arguments.parameters, {},
-                            arguments.threads);
-  prepare_output_folder(out, {"result.json", "fabric.toml", "report.html"},
-                        arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  ScanProblem problem(trials, arguments.solver, initial, arguments.parameters, {},
+                      arguments.threads);
+  prepare_fit_folder(out, kStoreName, arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  problem.keep_in(std::make_shared<NumberStore>(out / kStoreName, problem.fingerprint()));
   Progress progress("least squares", 0);
   const ScanFitResult fit = fit_scan(problem, initial, options, [&](const ScanFitStep& step) {
     progress.update(step.evaluation,
@@ -211,6 +230,7 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   });
   progress.finish();
   write_fabric(out / "fabric.toml", fit.fabric);
+  write_registered(out, trials);
   const auto simulations = simulate_scans(trials, *arguments.solver, fit.fabric,
                                           HeldDerivatives::none, arguments.threads);
   std::vector<ScanDifference> differences;

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <charconv>
+#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
@@ -171,6 +172,27 @@ std::function<bool(std::size_t, std::size_t)> progress_observer(const std::strin
     (*bar)->update(done);
     return !interrupted();
   };
+}
+
+std::vector<double> numbers_in(const std::string& option, const std::string& text, char separator,
+                               std::size_t count) {
+  std::vector<double> numbers;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  while (true) {
+    double value = 0;
+    const auto [next, status] = std::from_chars(at, end, value);
+    if (status != std::errc() || !std::isfinite(value)) break;
+    numbers.push_back(value);
+    at = next;
+    if (at == end || *at != separator) break;
+    ++at;
+  }
+  if (at != end || numbers.size() != count) {
+    throw Error(fmt::format("{} \"{}\": expected {} numbers with \"{}\" between", option, text,
+                            count, separator));
+  }
+  return numbers;
 }
 
 }  // namespace weft::app

@@ -49,6 +49,10 @@ void prepare_output_folder(const std::filesystem::path& folder,
 /// there. Leaves what is there as it is.
 void check_output_file(const std::filesystem::path& path);
 
+/// The numbers of "AxB" or "A,B,C"; throws Error, with the option's name, unless there are `count`.
+std::vector<double> numbers_in(const std::string& option, const std::string& text, char separator,
+                               std::size_t count);
+
 /// Accepts a number from `lower` to `upper`; CLI::Range lets NaN pass.
 CLI::Validator number_in(double lower, double upper);
 

@@ -1,7 +1,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <fstream>
@@ -15,8 +14,9 @@
 #include "options.h"
 #include "weft/base/error.h"
 #include "weft/base/text_file.h"
-#include "weft/capture/table_file.h"
+#include "weft/capture/landmark_file.h"
 #include "weft/mesh/mesh_io.h"
+#include "weft/registration/hung_start.h"
 #include "weft/registration/landmarks.h"
 #include "weft/registration/nonrigid_icp.h"
 #include "weft/report/plot.h"
@@ -31,6 +31,7 @@ struct Arguments {
   std::string out;
   std::string start;
   std::string landmarks;
+  std::string held, gravity = "0,0,-9.81";
   std::string u_axis = "1,0,0", v_axis = "0,0,-1";
   int grid = 41;
   double unit = 1;
@@ -42,28 +43,6 @@ struct Arguments {
   bool overwrite = false;
   bool json = false;
 };
-
-/// The numbers of "AxB" or "A,B,C".
-std::vector<double> numbers_in(const std::string& option, const std::string& text, char separator,
-                               std::size_t count) {
-  std::vector<double> numbers;
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  while (true) {
-    double value = 0;
-    const auto [next, status] = std::from_chars(at, end, value);
-    if (status != std::errc() || !std::isfinite(value)) break;
-    numbers.push_back(value);
-    at = next;
-    if (at == end || *at != separator) break;
-    ++at;
-  }
-  if (at != end || numbers.size() != count) {
-    throw Error(fmt::format("{} \"{}\": expected {} numbers with \"{}\" between", option, text,
-                            count, separator));
-  }
-  return numbers;
-}
 
 Vec3 direction(const std::string& option, const std::string& text) {
   const auto numbers = numbers_in(option, text, ',', 3);
@@ -84,22 +63,6 @@ GridTemplate read_template(const Arguments& arguments) {
   return make_grid_template(sides[0], sides[1], along(sides[0]), along(sides[1]));
 }
 
-std::vector<Landmark> read_landmarks(const std::string& path) {
-  std::vector<Landmark> landmarks;
-  if (path.empty()) return landmarks;
-  const TableFile table(path);
-  const VecX u = table.numbers("u_m"), v = table.numbers("v_m"), x = table.numbers("x_m"),
-             y = table.numbers("y_m"), z = table.numbers("z_m");
-  const VecX weight = table.has("weight") ? table.numbers("weight") : VecX(VecX::Ones(u.size()));
-  for (Eigen::Index k = 0; k < u.size(); ++k) {
-    if (!(weight[k] >= 0)) {
-      throw table.fail(static_cast<std::size_t>(k), "weight", "must be at least 0");
-    }
-    landmarks.push_back({Vec2(u[k], v[k]), Vec3(x[k], y[k], z[k]), weight[k]});
-  }
-  return landmarks;
-}
-
 /// The shape in an OBJ whose vt are (u, v) in m, at the vertices of the grid.
 Points read_start(const std::string& path, const GridTemplate& grid) {
   ObjMesh obj = read_obj(path);
@@ -117,11 +80,23 @@ Points read_start(const std::string& path, const GridTemplate& grid) {
 
 std::vector<RegistrationStart> first_starts(const Arguments& arguments, const GridTemplate& grid,
                                             const Scan& scan, const ScanGeometry& geometry,
-                                            const std::vector<Landmark>& landmarks) {
+                                            const std::vector<Landmark>& landmarks,
+                                            const std::vector<Landmark>& held) {
   if (!arguments.start.empty()) return {{read_start(arguments.start, grid), {}}};
-  if (landmarks.size() >= 3) return {{flat_start(grid, landmarks), {}}};
-  return flat_starts(grid, scan, geometry, direction("--u-axis", arguments.u_axis),
-                     direction("--v-axis", arguments.v_axis));
+  std::vector<RegistrationStart> starts;
+  if (landmarks.size() >= 3)
+    starts.push_back({flat_start(grid, landmarks), {}});
+  else
+    starts = flat_starts(grid, scan, geometry, direction("--u-axis", arguments.u_axis),
+                         direction("--v-axis", arguments.v_axis));
+  if (held.empty()) return starts;
+  HungStartOptions hang;
+  const auto gravity = numbers_in("--gravity", arguments.gravity, ',', 3);
+  hang.gravity = Vec3(gravity[0], gravity[1], gravity[2]);
+  hang.threads = arguments.options.threads;
+  for (RegistrationStart& start : hung_starts(grid, scan, geometry, held, hang))
+    starts.push_back(std::move(start));
+  return starts;
 }
 
 /// Registers again, twice, with the crossings of the stamped grid; says in `landmarks` how many.
@@ -296,7 +271,10 @@ void print_line(const nlohmann::json& s) {
 void run(const Arguments& arguments) {
   const std::filesystem::path out = arguments.out;
   const GridTemplate grid = read_template(arguments);
-  const std::vector<Landmark> landmarks = read_landmarks(arguments.landmarks);
+  std::vector<Landmark> landmarks;
+  if (!arguments.landmarks.empty()) landmarks = read_landmarks(arguments.landmarks);
+  std::vector<Landmark> held;
+  if (!arguments.held.empty()) held = read_landmarks(arguments.held);
   const std::vector<Scan> scans = read_scans(arguments.scan, arguments.unit);
   prepare_output_folder(out, {"registration.json", "registered.obj"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
@@ -315,9 +293,9 @@ void run(const Arguments& arguments) {
     RegistrationOptions options = arguments.options;
     ScanRegistration registration;
     if (k == 0) {
-      registration = register_scan(grid, scan, geometry,
-                                   first_starts(arguments, grid, scan, geometry, landmarks),
-                                   landmarks, options);
+      const auto starts = first_starts(arguments, grid, scan, geometry, landmarks, held);
+      landmarks.insert(landmarks.end(), held.begin(), held.end());
+      registration = register_scan(grid, scan, geometry, starts, landmarks, options);
     } else {
       // The cloth is near to where it was.
       options.start_error = std::max(0.06 * size, 1.5 * cell);
@@ -385,6 +363,14 @@ void add_register(CLI::App& app) {
   command->add_option("--landmarks", arguments->landmarks,
                       "points of the fabric on the first scan: a CSV with u_m, v_m, x_m, y_m, z_m "
                       "and perhaps weight; three or more place the sheet");
+  command->add_option("--held", arguments->held,
+                      "points of the fabric that hold it, on the first scan, a CSV as of "
+                      "--landmarks: they are landmarks, and cloth that hangs by them under "
+                      "--gravity is where the registration begins, too (without --start)");
+  command
+      ->add_option("--gravity", arguments->gravity,
+                   "with --held: in the scan's axes, m/s^2, not 0,0,0")
+      ->capture_default_str();
   command
       ->add_option("--stamp", arguments->stamp,
                    "pitch of dark grid lines stamped on the fabric, m, 0 to 1: their crossings are "
@@ -432,7 +418,11 @@ void add_register(CLI::App& app) {
   command->add_flag("--overwrite", arguments->overwrite, "replace the results of another run");
   command->add_flag("--json", arguments->json, "print JSON");
   command->footer("Example:\n  weft register scan.ply --swatch 0.5x0.5 --out registered");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments, command] {
+    if (arguments->held.empty() && command->count("--gravity") > 0)
+      throw Error("--gravity: only with --held");
+    run(*arguments);
+  });
 }
 
 }  // namespace weft::app

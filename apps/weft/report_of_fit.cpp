@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "weft/base/error.h"
+#include "weft/report/result.h"
+
 namespace weft::app {
 namespace {
 
@@ -146,6 +149,42 @@ Report report_of_fit(const Problem& problem, const FitResult& fit,
     report.perturbations.push_back(report_perturbation(curve));
   }
   return report;
+}
+
+namespace {
+
+/// Whether the folder holds what a fit that was stopped left there: it may continue.
+bool holds_stopped_fit(const std::filesystem::path& out, const std::string& store) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(out / "result.json", ignored) ||
+      !std::filesystem::exists(out / store, ignored)) {
+    return false;
+  }
+  try {
+    return read_result(out / "result.json").stopped;
+  } catch (const Error&) {
+    return false;  // not written by a fit
+  }
+}
+
+}  // namespace
+
+void prepare_fit_folder(const std::filesystem::path& out, const std::string& store,
+                        Existing existing) {
+  if (existing == Existing::refuse) {
+    std::vector<std::string> results;
+    if (!holds_stopped_fit(out, store)) results.emplace_back("result.json");
+    prepare_output_folder(out, results, existing);
+    return;
+  }
+  prepare_output_folder(out, {}, existing);
+  // SQLite would read a log that a killed run left into the new store.
+  for (const std::string name : {"result.json", "fabric.toml", "report.html"}) {
+    std::filesystem::remove(out / name);
+  }
+  for (const std::string ending : {"", "-wal", "-shm"}) {
+    std::filesystem::remove(out / (store + ending));
+  }
 }
 
 }  // namespace weft::app

@@ -1,9 +1,11 @@
 #pragma once
 /// From what a fit found to what a report shows.
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "options.h"
 #include "weft/estimate/evaluate_capture.h"
 #include "weft/estimate/fit.h"
 #include "weft/report/pictures.h"
@@ -23,5 +25,12 @@ ReportPerturbation report_perturbation(const PerturbationCurve& curve);
 
 /// Measured and simulated frames and their angle maps, for the report's slider. Reads the video.
 CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory);
+
+/// Makes the folder of a fit that keeps its evaluations in the file `store` (SQLite). A run that
+/// was killed has its evaluations but no result, one that was stopped has the result until then;
+/// both continue. Throws Error as prepare_output_folder does for the result of another run; with
+/// Existing::overwrite removes it and the store.
+void prepare_fit_folder(const std::filesystem::path& out, const std::string& store,
+                        Existing existing);
 
 }  // namespace weft::app

@@ -23,10 +23,17 @@ void ScanArguments::add_to(CLI::App& command) {
           "rigidity of bending, slower)")
       ->check(CLI::IsMember({"static", "xpbd"}))
       ->capture_default_str();
+  command
+      .add_option("--registered-cells", registered_cells_,
+                  "scans: cells of the grid that is laid on a raw scan, across the shorter side")
+      ->check(CLI::Range(2, 400))
+      ->capture_default_str();
 }
 
-ScanOptions ScanArguments::options(const CLI::App& command) const {
+ScanOptions ScanArguments::options(const CLI::App& command, int threads) const {
   ScanOptions options;
+  options.raw.cells = registered_cells_;
+  options.raw.threads = threads;
   const CLI::Option* cells = command.get_option_no_throw("--cells");
   if (cells && cells->count() > 0) options.cells = cells->as<int>();
   options.descriptor = descriptor_from_name(descriptor_);
@@ -39,7 +46,7 @@ std::shared_ptr<const EquilibriumSolver> ScanArguments::solver() const {
 }
 
 const std::vector<std::string>& ScanArguments::names() {
-  static const std::vector<std::string> names{"--descriptor", "--solver"};
+  static const std::vector<std::string> names{"--descriptor", "--solver", "--registered-cells"};
   return names;
 }
 
@@ -52,7 +59,7 @@ void check_scan(const std::string& folder) {
              capture.grain_angle * 180 / std::numbers::pi);
   for (const ScanTarget& target : capture.targets) {
     if (target.grid.empty()) {
-      fmt::print("target      {}: raw scan {}, to be registered\n", target.name,
+      fmt::print("target      {}: raw scan {}, which a fit registers\n", target.name,
                  target.scan.filename().string());
     } else {
       const ScanShape shape = read_scan_shape(capture, target);
@@ -71,6 +78,32 @@ void check_scan(const std::string& folder) {
   }
   fmt::print("truth       {}\n", capture.truth ? "declared; never read by a fit" : "none");
   fmt::print("ok\n");
+}
+
+nlohmann::json registration_json(const ScanTrial& trial) {
+  if (!trial.registration) return nullptr;
+  const ScanRegistration& r = *trial.registration;
+  int unsupported = 0;
+  for (int v = 0; v < r.weight.size(); ++v) unsupported += !r.supported(v);
+  return {{"points", r.points},
+          {"inliers", r.inliers},
+          {"residual_median", r.residual_median},
+          {"residual_p95", r.residual_p95},
+          {"landmark_rms", r.landmark_rms},
+          {"strain_rms", r.strain_rms},
+          {"vertices", r.weight.size()},
+          {"unsupported_vertices", unsupported}};
+}
+
+std::string registration_summary(const ScanTrial& trial) {
+  const nlohmann::json r = registration_json(trial);
+  if (r.is_null()) return {};
+  return fmt::format(
+      "{}: registered to {} of {} points, median {:.2f} mm off, strain {:.2f} % rms; {} of {} "
+      "vertices without support\n",
+      trial.target.name, r["inliers"].get<int>(), r["points"].get<int>(),
+      1e3 * r["residual_median"].get<double>(), 100 * r["strain_rms"].get<double>(),
+      r["unsupported_vertices"].get<int>(), r["vertices"].get<int>());
 }
 
 nlohmann::json scan_json(const std::vector<std::shared_ptr<const ScanTrial>>& trials,
@@ -94,6 +127,7 @@ nlohmann::json scan_json(const std::vector<std::shared_ptr<const ScanTrial>>& tr
     }
     object["clamps"] = clamps;
     if (d.force_count > 0) object["force_rms"] = json_number(d.force_rms);
+    if (trials[i]->registration) object["registration"] = registration_json(*trials[i]);
     list.push_back(object);
   }
   return list;
@@ -125,7 +159,7 @@ void evaluate_scan(const std::string& folder, const std::string& fabric, const S
     return;
   }
   for (std::size_t i = 0; i < trials.size(); ++i)
-    fmt::print("{}", scan_summary(*trials[i], differences[i]));
+    fmt::print("{}{}", registration_summary(*trials[i]), scan_summary(*trials[i], differences[i]));
 }
 
 }  // namespace weft::app

@@ -15,15 +15,21 @@ class ScanArguments {
  public:
   void add_to(CLI::App& command);
   /// `command`: whose --cells, an option of mechanical captures too, counts where it was given.
-  ScanOptions options(const CLI::App& command) const;
+  ScanOptions options(const CLI::App& command, int threads) const;
   std::shared_ptr<const EquilibriumSolver> solver() const;
   /// Options that only mean something for scans.
   static const std::vector<std::string>& names();
 
  private:
   std::string descriptor_ = "fourier";
+  int registered_cells_ = RawScanOptions().cells;
   std::string solver_ = "static";
 };
+
+/// How raw scans were registered: a line each, and as JSON (an object; null for a target that came
+/// registered).
+std::string registration_summary(const ScanTrial& trial);
+nlohmann::json registration_json(const ScanTrial& trial);
 
 void check_scan(const std::string& folder);
 void evaluate_scan(const std::string& folder, const std::string& fabric, const ScanOptions& options,

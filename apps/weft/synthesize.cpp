@@ -8,6 +8,7 @@
 #include "mechanical.h"
 #include "options.h"
 #include "synthesize_rig.h"
+#include "synthesize_scan.h"
 #include "weft/base/error.h"
 #include "weft/estimate/synthetic.h"
 
@@ -23,18 +24,37 @@ struct Arguments {
   int grid = 37;
   bool overwrite = false;
   RigArguments rig;
+  SynthesizeScanArguments scan;
 };
 
 const std::vector<std::string> kVideoOptions{"--like", "--frames", "--grid", "--steps-per-frame",
                                              "--start-shape"};
 
-void run_rig(const Arguments& arguments, const CLI::App& command) {
-  refuse_options(command, kVideoOptions, "--rig");
+/// The fabric, with the areal density of the command where it is given or the fabric has none.
+Fabric fabric_with_density(const Arguments& arguments, const CLI::App& command) {
   Fabric fabric = find_fabric(arguments.fabric);
   if (command.count("--areal-density") > 0 || !fabric.areal_density)
     fabric.areal_density = arguments.design.areal_density;
+  return fabric;
+}
+
+void run_rig(const Arguments& arguments, const CLI::App& command) {
+  refuse_options(command, kVideoOptions, "--rig");
+  refuse_options(command, SynthesizeScanArguments::names(), "--rig");
+  const Fabric fabric = fabric_with_density(arguments, command);
   arguments.rig.run(fabric, arguments.out, arguments.options.with_noise, arguments.options.seed,
                     arguments.overwrite ? Existing::overwrite : Existing::refuse);
+}
+
+void run_scan(const Arguments& arguments, const CLI::App& command) {
+  refuse_options(command, kVideoOptions, "--scan");
+  refuse_options(command, RigArguments::names(), "--scan");
+  for (const char* name : {"--points", "--outliers", "--hole"})
+    if (command.count("--clouds") == 0 && command.count(name) > 0)
+      throw Error(fmt::format("{}: only with --clouds", name));
+  arguments.scan.run(fabric_with_density(arguments, command), arguments.out,
+                     arguments.options.with_noise, arguments.options.seed,
+                     arguments.overwrite ? Existing::overwrite : Existing::refuse);
 }
 
 void run(Arguments arguments) {
@@ -62,7 +82,7 @@ void add_synthesize(CLI::App& app) {
                       "take rig, swatch and motion from this capture (default: a rig of its own)");
   command
       ->add_option("--areal-density", arguments->design.areal_density,
-                   "kg/m^2, without --like; with --rig the fabric's own unless given")
+                   "kg/m^2, without --like; with --rig and --scan the fabric's own unless given")
       ->check(number_in(1e-3, 10))
       ->capture_default_str();
   command->add_option("--frames", arguments->design.frame_count, "without --like")
@@ -84,16 +104,27 @@ void add_synthesize(CLI::App& app) {
   command->add_flag("--no-noise{false}", arguments->options.with_noise, "a perfect sensor");
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->rig.add_to(*command);
+  arguments->scan.add_to(*command);
   command->footer(
       "Examples:\n  weft synthesize --fabric satin --out out/satin_capture\n"
-      "  weft synthesize --rig --fabric validation/fabrics/rig_denim.toml --out out/denim_rig");
+      "  weft synthesize --rig --fabric validation/fabrics/rig_denim.toml --out out/denim_rig\n"
+      "  weft synthesize --scan --fabric larionov-cotton --clouds --experiments frame:12 "
+      "ledge-u:0.05 --out out/cotton_scans");
   command->callback([arguments, command] {
+    if (arguments->rig.wanted() && arguments->scan.wanted())
+      throw Error("--rig and --scan exclude each other");
+    if (arguments->scan.wanted()) {
+      run_scan(*arguments, *command);
+      return;
+    }
     if (arguments->rig.wanted()) {
       run_rig(*arguments, *command);
       return;
     }
     for (const std::string& name : RigArguments::names())
       if (command->count(name) > 0) throw Error(name + ": only with --rig");
+    for (const std::string& name : SynthesizeScanArguments::names())
+      if (command->count(name) > 0) throw Error(name + ": only with --scan");
     run(*arguments);
   });
 }

@@ -64,6 +64,24 @@ TEST_F(Register, WritesTheGridWithWhatItIsWorth) {
               HasSubstr("--overwrite"));
 }
 
+TEST_F(Register, BeginsAlsoFromClothThatHangs) {
+  write("scan.csv", points(0, 6000));
+  const double end = 0.1 * std::sin(1), depth = 0.1 * std::cos(1);
+  write("held.csv",
+        fmt::format("u_m,v_m,x_m,y_m,z_m\n0,0,{},{},0\n0.2,0,{},{},0\n", -end, depth, end, depth));
+  const Outcome outcome =
+      weft({"register", path("scan.csv"), "--swatch", "0.2x0.2", "--grid", "13", "--out",
+            path("out"), "--held", path("held.csv"), "--u-axis", "-1,0,0", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  // The axis is wrong: the flat starts mirror the sheet, those that hang do not.
+  EXPECT_LT(error_of(read_obj(path("out/registered.obj")), 0), 0.0015);
+  const nlohmann::json result = nlohmann::json::parse(outcome.out);
+  EXPECT_LT(result["frames"][0]["landmark_rms"].get<double>(), 1e-3);
+  EXPECT_THAT(refusal({"register", path("scan.csv"), "--swatch", "0.2x0.2", "--out", path("x"),
+                       "--gravity", "0,0,1"}),
+              HasSubstr("--gravity: only with --held"));
+}
+
 TEST_F(Register, FollowsASequenceAndAStampedGrid) {
   write("scans/0.csv", points(0, 12000));
   write("scans/1.csv", points(0.01, 12000));

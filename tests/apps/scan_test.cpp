@@ -1,11 +1,13 @@
 /// The subcommands that take scans, as a process.
 #include <gmock/gmock.h>
+#include <sqlite3.h>
 
 #include <nlohmann/json.hpp>
 
 #include "apps/program.h"
 #include "weft/estimate/scan_synthetic.h"
 #include "weft/fabric/orthotropic.h"
+#include "weft/mesh/mesh_io.h"
 
 namespace weft {
 namespace {
@@ -15,6 +17,8 @@ using testing::HasSubstr;
 using testing::StartsWith;
 
 constexpr double kSide = 0.1;  // m
+
+double true_b() { return stiffness_of(find_fabric("larionov-cotton")).b; }
 
 class Scan : public ProgramTest {
  protected:
@@ -39,6 +43,18 @@ class Scan : public ProgramTest {
       shapes.push_back(scan.shape);
     }
     write_scan_capture(folder_ / "scan", capture, shapes);
+  }
+  /// Runs a statement on the fit's store; its first number, or 0.
+  int rows_of_store(const char* sql) const {
+    sqlite3* database = nullptr;
+    EXPECT_EQ(sqlite3_open((folder_ / "out/scan_evaluations.sqlite").c_str(), &database),
+              SQLITE_OK);
+    sqlite3_stmt* statement = nullptr;
+    EXPECT_EQ(sqlite3_prepare_v2(database, sql, -1, &statement, nullptr), SQLITE_OK);
+    const int number = sqlite3_step(statement) == SQLITE_ROW ? sqlite3_column_int(statement, 0) : 0;
+    sqlite3_finalize(statement);
+    sqlite3_close(database);
+    return number;
   }
 };
 
@@ -74,6 +90,36 @@ TEST_F(Scan, ChecksEvaluatesAndFits) {
   EXPECT_EQ(evaluation["targets"][1]["clamps"][0]["name"], "left");
 }
 
+TEST_F(Scan, AKilledFitContinues) {
+  const std::vector<std::string> words{"fit",       path("scan"),       "--out",     path("out"),
+                                       "--initial", "larionov-initial", "--balance", "noise"};
+  const Outcome whole = weft(words);
+  ASSERT_EQ(whole.status, 0) << whole.err;
+  EXPECT_THAT(refusal(words), HasSubstr("--overwrite"));
+  const std::string fabric = text_of(folder_ / "out/fabric.toml");
+  const int computed = rows_of_store("SELECT count(*) FROM numbers");
+  EXPECT_GT(computed, 5);
+  // As if it had been killed half way.
+  std::filesystem::remove(folder_ / "out/result.json");
+  std::filesystem::remove(folder_ / "out/fabric.toml");
+  rows_of_store("DELETE FROM numbers WHERE rowid > (SELECT count(*) / 2 FROM numbers)");
+  const Outcome again = weft(words);
+  ASSERT_EQ(again.status, 0) << again.err;
+  EXPECT_EQ(text_of(folder_ / "out/fabric.toml"), fabric);
+  EXPECT_EQ(rows_of_store("SELECT count(*) FROM numbers"), computed);
+
+  // What is there is taken: 1000 in place of the cost of the start, which is asked for first.
+  std::filesystem::remove(folder_ / "out/result.json");
+  rows_of_store("UPDATE numbers SET value = X'0000000000408F40' WHERE rowid = 1");
+  ASSERT_EQ(weft(words).status, 0);
+  EXPECT_EQ(nlohmann::json::parse(text_of(folder_ / "out/result.json"))["error_initial"], 1000);
+  EXPECT_EQ(text_of(folder_ / "out/fabric.toml"), fabric);
+  std::filesystem::remove(folder_ / "out/result.json");
+  std::vector<std::string> other = words;
+  other.insert(other.end(), {"--descriptor", "position"});
+  EXPECT_THAT(refusal(other), HasSubstr("scan_evaluations.sqlite: of another run"));
+}
+
 TEST_F(Scan, RefusesWhatIsNotForScans) {
   const auto refusal = [&](std::vector<std::string> more) {
     std::vector<std::string> words{"fit", path("scan"), "--out", path("out")};
@@ -93,6 +139,96 @@ TEST_F(Scan, RefusesWhatIsNotForScans) {
       weft({"simulate", path("scan"), "--fabric", "satin", "--out", path("x.pc2")});
   EXPECT_EQ(simulated.status, 2);
   EXPECT_THAT(simulated.err, HasSubstr("a scan; this command needs a video"));
+}
+
+TEST_F(Scan, SynthesizesTheExperiments) {
+  const Outcome made = weft({"synthesize", "--scan", "--fabric", "larionov-cotton", "--out",
+                             path("made"), "--swatch", "0.1x0.08", "--experiments", "frame:10",
+                             "stretch-v:0.04", "corners:0.01,0.02,0.9", "edge-u:0.05",
+                             "ledge-v:0.03", "--registered-cells", "8", "--no-noise"});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.out, HasSubstr("5 registered scans of larionov-cotton"));
+  const ScanCapture capture = read_scan_capture(path("made"));
+  EXPECT_EQ(capture.width, 0.1);
+  EXPECT_EQ(capture.height, 0.08);
+  ASSERT_EQ(capture.targets.size(), 5u);
+  EXPECT_EQ(read_fabric(path("made/truth/fabric.toml")).model, "stvk");
+  // The weights carry themselves, what is hung by the clamps besides the cloth.
+  const std::vector<ScanClamp>& corners = capture.targets[2].clamps;
+  EXPECT_NEAR(corners[2].force.value(), 9.81 * 0.01, 1e-9);
+  EXPECT_NEAR(corners[3].force.value(), 9.81 * 0.02, 1e-9);
+  const ScanClamp& top = capture.targets[3].clamps[0];
+  EXPECT_NEAR(top.force.value(), 9.81 * (0.05 + capture.areal_density * 0.1 * 0.08), 1e-4);
+  // A tenth of 0.1 m is one of 10 cells; 0.03 m are 3.
+  EXPECT_NEAR(top.region.upper.x(), 0.01, 1e-9);
+  EXPECT_NEAR(capture.targets[4].clamps[0].region.upper.y(), 0.03, 1e-9);
+  // The mesh of the truth is finer: on the grid that is written the shapes are near, not equal. A
+  // cell of it is 1 cm wide, where cloth that hangs over a table's edge bends within 2 cm.
+  const Outcome evaluated =
+      weft({"evaluate", path("made"), "--fabric", path("made/truth/fabric.toml"), "--json"});
+  ASSERT_EQ(evaluated.status, 0) << evaluated.err;
+  const nlohmann::json evaluation = nlohmann::json::parse(evaluated.out);
+  for (const auto& target : evaluation["targets"]) {
+    EXPECT_LT(target["distance_mean"].get<double>(), 3e-3) << target;
+    EXPECT_GT(target["distance_mean"].get<double>(), 1e-7) << target;
+  }
+}
+
+TEST_F(Scan, FitsACloudBesideRegisteredScans) {
+  // Perfect forces and shapes, but of a cloud with a hole and strays.
+  const auto synthesize = [&](const std::string& folder, std::vector<std::string> more) {
+    std::vector<std::string> words{
+        "synthesize",   "--scan",   "--fabric", "larionov-cotton",    "--out",
+        path(folder),   "--swatch", "0.1x0.1",  "--registered-cells", "8",
+        "--refinement", "1"};
+    words.insert(words.end(), more.begin(), more.end());
+    return weft(words);
+  };
+  const Outcome cloud =
+      synthesize("cloud", {"--experiments", "ledge-u:0.05", "frame:12", "--clouds", "--points",
+                           "6000", "--hole", "0.02", "--outliers", "0.1", "--noise", "1e-4"});
+  ASSERT_EQ(cloud.status, 0) << cloud.err;
+  const Outcome grids = synthesize("grids", {"--experiments", "stretch-u:0.05", "stretch-v:0.05"});
+  ASSERT_EQ(grids.status, 0) << grids.err;
+  const Outcome checked = weft({"check", path("cloud")});
+  ASSERT_EQ(checked.status, 0) << checked.err;
+  EXPECT_THAT(checked.out, HasSubstr("raw scan target_1.xyz, which a fit registers"));
+
+  const Outcome fit = weft({"fit", path("grids"), path("cloud"), "--out", path("out"), "--initial",
+                            "larionov-initial", "--registered-cells", "8"});
+  ASSERT_EQ(fit.status, 0) << fit.err;
+  const nlohmann::json result = nlohmann::json::parse(text_of(folder_ / "out/result.json"));
+  ASSERT_EQ(result["scan"]["targets"].size(), 4u);
+  EXPECT_FALSE(result["scan"]["targets"][0].contains("registration"));
+  const nlohmann::json registration = result["scan"]["targets"][2]["registration"];
+  EXPECT_EQ(registration["vertices"], 81);
+  // 0.02 m about a vertex next to its middle: four or more of a grid of 0.0125 m.
+  EXPECT_GE(registration["unsupported_vertices"].get<int>(), 4);
+  EXPECT_LT(registration["residual_median"].get<double>(), 1.5e-4);
+  const std::string weights = text_of(folder_ / "out/registered_3_weights.csv");
+  EXPECT_EQ(std::count(weights.begin(), weights.end(), '\n'), 82);
+  // Row 4 of column 5, (0.0625, 0.05) m, in the middle of the hole.
+  EXPECT_EQ(read_obj(folder_ / "out/registered_3.obj").positions.cols(), 81);
+  // Bending is seen by the cloud of the ledge alone.
+  EXPECT_NEAR(result["scan"]["moduli"]["b"].get<double>() / true_b(), 1, 0.1);
+}
+
+TEST_F(Scan, RefusesWhatCannotBeSynthesized) {
+  const auto why = [&](std::vector<std::string> more) {
+    std::vector<std::string> words{"synthesize", "--fabric", "larionov-cotton", "--out", path("x")};
+    words.insert(words.end(), more.begin(), more.end());
+    return refusal(words);
+  };
+  EXPECT_THAT(why({"--scan", "--experiments", "twist:3"}), HasSubstr("no such experiment; frame"));
+  EXPECT_THAT(why({"--scan", "--experiments", "frame:75"}), HasSubstr("valid: -60 to 60"));
+  EXPECT_THAT(why({"--scan", "--experiments", "corners:0.1"}),
+              HasSubstr("given: 1, needed: 2 to 3"));
+  EXPECT_THAT(why({"--scan", "--experiments", "ledge-u:abc"}), HasSubstr("expected NAME:NUMBER"));
+  EXPECT_THAT(why({"--scan", "--experiments", "ledge-u:0.2"}), HasSubstr("valid: 0.001 to 0.15"));
+  EXPECT_THAT(why({"--scan", "--rig"}), HasSubstr("exclude"));
+  EXPECT_THAT(why({"--scan", "--frames", "3"}), HasSubstr("--frames"));
+  EXPECT_THAT(why({"--scan", "--hole", "0.01"}), HasSubstr("--hole: only with --clouds"));
+  EXPECT_THAT(why({"--clouds"}), HasSubstr("--clouds: only with --scan"));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "capture/temporary_capture.h"
+#include "weft/capture/landmark_file.h"
 #include "weft/capture/mechanical_capture.h"
 #include "weft/mesh/mesh_io.h"
 
@@ -145,11 +146,46 @@ TEST_F(ReadScan, NamesFileLineAndKey) {
   EXPECT_THAT(refusal_with("kind = \"scan\"", "kind = \"video\""), HasSubstr("scan"));
 }
 
-TEST_F(ReadScan, ARawScanIsRegisteredFirst) {
+TEST_F(ReadScan, ARawScanHasNoShapeYet) {
   replace("capture.toml", "vertices = [19]", "region = [[0.1, 0.08], [0.1, 0.08]]");
   replace("capture.toml", "grid = \"hang.obj\"", "scan = \"hang.obj\"");
   EXPECT_NO_THROW(read_scan_capture(folder_));
-  EXPECT_THAT(refusal(), HasSubstr("weft register"));
+  EXPECT_THAT(refusal(), HasSubstr("raw scan without a registered grid"));
+}
+
+TEST_F(ReadScan, WritesAndReadsARawScan) {
+  ScanCapture capture = read_scan_capture(folder_);
+  capture.truth = "truth/fabric.toml";
+  ScanTarget& target = capture.targets.front();
+  target.v_axis = Vec3(0, 1, 0);
+  RawScan raw;
+  raw.scan.position = Points::Random(3, 20);
+  raw.landmarks = {{Vec2(0.1, 0.08), Vec3(1, -2, 0.3), 0.5}, {Vec2(0, 0), Vec3(0, 0, 1e-6), 1}};
+  write_scan_capture(folder_ / "copy", capture, {ScanShape{}}, {raw});
+  const ScanCapture copy = read_scan_capture(folder_ / "copy");
+  const ScanTarget& read = copy.targets.front();
+  EXPECT_TRUE(read.grid.empty());
+  EXPECT_EQ(read.v_axis, target.v_axis);
+  EXPECT_EQ(read.clamps.size(), target.clamps.size());
+  EXPECT_EQ(copy.truth->filename(), "fabric.toml");
+  EXPECT_NEAR((read_scan(read.scan).position - raw.scan.position).norm(), 0, 1e-8);
+  const std::vector<Landmark> landmarks = read_landmarks(read.landmarks);
+  ASSERT_EQ(landmarks.size(), 2u);
+  EXPECT_EQ(landmarks[0].uv, raw.landmarks[0].uv);
+  EXPECT_EQ(landmarks[0].position, raw.landmarks[0].position);
+  EXPECT_EQ(landmarks[0].weight, 0.5);
+}
+
+TEST_F(ReadScan, KeysOfARawScan) {
+  EXPECT_THAT(refusal_with("noise = 3e-4", "noise = 3e-4\nunit = 0.001"),
+              HasSubstr("unit: of a raw `scan`; this target has a registered `grid`"));
+  replace("capture.toml", "vertices = [19]", "region = [[0.1, 0.08], [0.1, 0.08]]");
+  replace("capture.toml", "grid = \"hang.obj\"",
+          "scan = \"hang.obj\"\nunit = 0.001\nu_axis = [0, 2, 0]");
+  const ScanTarget target = read_scan_capture(folder_).targets.front();
+  EXPECT_EQ(target.unit, 0.001);
+  EXPECT_EQ(target.u_axis, Vec3::UnitY());
+  EXPECT_THAT(refusal_with("[0, 2, 0]", "[0, 0, 0]"), HasSubstr("u_axis: no direction"));
 }
 
 TEST_F(ReadScan, WritesWhatItReads) {

@@ -11,6 +11,7 @@
 #include "weft/base/text_file.h"
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
+#include "weft/capture/landmark_file.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
 
@@ -22,7 +23,9 @@ constexpr Range kForce{0, 1e4};          // N
 constexpr Range kWeight{0, 1e3};         // kg
 constexpr Range kForceNoise{1e-9, 1e3};  // N
 constexpr Range kNoise{1e-9, 0.1};       // m
-constexpr double kOnSwatch = 1e-6;       // m
+constexpr Range kUnit{1e-9, 1e6};        // m
+constexpr Range kDirection{-1e6, 1e6};
+constexpr double kOnSwatch = 1e-6;  // m
 constexpr std::size_t kMostVertices = 1'000'000;
 
 TomlTable parse_capture(const std::filesystem::path& folder) {
@@ -116,6 +119,12 @@ class ScanReader {
     for (const char* key : {"points", "frame", "weights", "start"})
       if (target.grid.empty() && table.has(key))
         throw error_at(table.where(key), "belongs to a `grid`, which this target does not have");
+    if (target.grid.empty())
+      read_raw(table, target);
+    else
+      for (const char* key : {"unit", "landmarks", "u_axis", "v_axis"})
+        if (table.has(key))
+          throw error_at(table.where(key), "of a raw `scan`; this target has a registered `grid`");
     target.points = file_named(table, "points");
     if (target.points.empty() && table.has("frame"))
       throw error_at(table.where("frame"), "a sample of `points`, which this target does not have");
@@ -130,6 +139,21 @@ class ScanReader {
       throw error_at(table.where(), "a target needs at least one [[target.clamp]]");
     table.finish();
     capture_.targets.push_back(std::move(target));
+  }
+
+  void read_raw(const TomlTable& table, ScanTarget& target) const {
+    target.unit = table.optional_number("unit", kUnit).value_or(target.unit);
+    target.landmarks = file_named(table, "landmarks");
+    target.u_axis = direction(table, "u_axis", target.u_axis);
+    target.v_axis = direction(table, "v_axis", target.v_axis);
+  }
+
+  static Vec3 direction(const TomlTable& table, const char* key, const Vec3& otherwise) {
+    if (!table.has(key)) return otherwise;
+    const std::vector<double> numbers = table.numbers(key, 3, kDirection);
+    const Vec3 axis(numbers[0], numbers[1], numbers[2]);
+    if (!(axis.norm() > 1e-9)) throw error_at(table.where(key), "no direction");
+    return axis.normalized();
   }
 
   void read_clamp(const TomlTable& table, std::set<std::string>& names, ScanTarget& target) const {
@@ -270,6 +294,39 @@ std::string clamp_text(const ScanClamp& clamp) {
   return text;
 }
 
+/// Writes the files of a registered target; returns the keys that name them.
+std::string write_shape(const std::filesystem::path& folder, const std::string& stem,
+                        const ScanShape& shape, const ScanTarget& target) {
+  write_obj(folder / (stem + ".obj"), shape.mesh, shape.x, target.name);
+  std::string text = fmt::format("grid = \"{}.obj\"\n", stem);
+  if (shape.start) {
+    write_obj(folder / (stem + "_start.obj"), shape.mesh, *shape.start, target.name);
+    text += fmt::format("start = \"{}_start.obj\"\n", stem);
+  }
+  if (shape.weights.size() > 0 && (shape.weights.array() != 1).any()) {
+    std::string weights = "weight\n";
+    for (const double w : shape.weights) weights += fmt::format("{}\n", w);
+    write_text(folder / (stem + "_weights.csv"), weights);
+    text += fmt::format("weights = \"{}_weights.csv\"\n", stem);
+  }
+  return text;
+}
+
+/// The same of a raw one.
+std::string write_raw(const std::filesystem::path& folder, const std::string& stem,
+                      const RawScan& raw, const ScanTarget& target) {
+  std::string points;
+  for (const auto& p : raw.scan.position.colwise())
+    points += fmt::format("{:.9g} {:.9g} {:.9g}\n", p.x(), p.y(), p.z());
+  write_text(folder / (stem + ".xyz"), points);
+  const auto axis = [](const Vec3& a) { return fmt::format("[{}, {}, {}]", a.x(), a.y(), a.z()); };
+  std::string text = fmt::format("scan = \"{}.xyz\"\nu_axis = {}\nv_axis = {}\n", stem,
+                                 axis(target.u_axis), axis(target.v_axis));
+  if (raw.landmarks.empty()) return text;
+  write_landmarks(folder / (stem + "_landmarks.csv"), raw.landmarks);
+  return text + fmt::format("landmarks = \"{}_landmarks.csv\"\n", stem);
+}
+
 }  // namespace
 
 ScanCapture read_scan_capture(const std::filesystem::path& folder) {
@@ -278,10 +335,8 @@ ScanCapture read_scan_capture(const std::filesystem::path& folder) {
 
 ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target) {
   if (target.grid.empty())
-    throw Error(
-        fmt::format("{}: target \"{}\" is a raw scan; lay a grid on it with `weft register` "
-                    "and name that as `grid`",
-                    capture.folder.string(), target.name));
+    throw Error(fmt::format("{}: target \"{}\" is a raw scan without a registered grid",
+                            capture.folder.string(), target.name));
   ObjMesh obj = read_obj(target.grid);
   ScanShape shape;
   shape.x = std::move(obj.positions);
@@ -302,9 +357,11 @@ ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target) 
 }
 
 void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& capture,
-                        const std::vector<ScanShape>& shapes) {
+                        const std::vector<ScanShape>& shapes, const std::vector<RawScan>& raw) {
   if (shapes.size() != capture.targets.size())
     throw Error(fmt::format("{} shapes for {} targets", shapes.size(), capture.targets.size()));
+  if (!raw.empty() && raw.size() != shapes.size())
+    throw Error(fmt::format("{} raw scans for {} targets", raw.size(), shapes.size()));
   make_folder(folder);
   std::string text = fmt::format(
       "format = \"weft-capture\"\nversion = 1\nkind = \"scan\"\nname = {}\ndescription = {}\n\n"
@@ -313,26 +370,17 @@ void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& 
       capture.areal_density, capture.grain_angle * 180 / std::numbers::pi);
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     const ScanTarget& target = capture.targets[i];
-    const ScanShape& shape = shapes[i];
     const std::string stem = fmt::format("target_{}", i + 1);
-    write_obj(folder / (stem + ".obj"), shape.mesh, shape.x, target.name);
-    text += fmt::format(
-        "\n[[target]]\nname = {}\ngrid = \"{}.obj\"\nnoise = {}\ngravity = [{}, {}, "
-        "{}]\n",
-        toml_string(target.name), stem, target.noise, target.gravity.x(), target.gravity.y(),
-        target.gravity.z());
-    if (shape.start) {
-      write_obj(folder / (stem + "_start.obj"), shape.mesh, *shape.start, target.name);
-      text += fmt::format("start = \"{}_start.obj\"\n", stem);
-    }
-    if (shape.weights.size() > 0 && (shape.weights.array() != 1).any()) {
-      std::string weights = "weight\n";
-      for (const double w : shape.weights) weights += fmt::format("{}\n", w);
-      write_text(folder / (stem + "_weights.csv"), weights);
-      text += fmt::format("weights = \"{}_weights.csv\"\n", stem);
-    }
+    text += fmt::format("\n[[target]]\nname = {}\nnoise = {}\ngravity = [{}, {}, {}]\n",
+                        toml_string(target.name), target.noise, target.gravity.x(),
+                        target.gravity.y(), target.gravity.z());
+    text += !raw.empty() && raw[i].scan.size() > 0 ? write_raw(folder, stem, raw[i], target)
+                                                   : write_shape(folder, stem, shapes[i], target);
     for (const ScanClamp& clamp : target.clamps) text += clamp_text(clamp);
   }
+  if (capture.truth)
+    text +=
+        fmt::format("\n[truth]\nparameters = {}\n", toml_string(capture.truth->generic_string()));
   write_text(folder / "capture.toml", text);
 }
 

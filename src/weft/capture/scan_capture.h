@@ -8,6 +8,7 @@
 
 #include "weft/dynamics/clips.h"
 #include "weft/mesh/triangle_mesh.h"
+#include "weft/registration/nonrigid_icp.h"
 
 namespace weft {
 
@@ -33,9 +34,14 @@ struct ScanTarget {
   /// OBJ with (u, v) in vt and, without `points`, the measured positions in v. Empty: a raw scan
   /// that no grid was laid on yet.
   std::filesystem::path grid;
-  std::filesystem::path points;   ///< PC2 of the same vertices; or empty
-  int frame = 0;                  ///< sample of `points`
-  std::filesystem::path scan;     ///< the mesh or cloud that `grid` was registered to; or empty
+  std::filesystem::path points;  ///< PC2 of the same vertices; or empty
+  int frame = 0;                 ///< sample of `points`
+  std::filesystem::path scan;    ///< the mesh or cloud that `grid` was registered to; or empty
+  /// Of a raw scan: m per unit of its coordinates; CSV with points of the fabric on it, or empty;
+  /// and without such points, where u and v run, about (unit vectors).
+  double unit = 1;
+  std::filesystem::path landmarks;
+  Vec3 u_axis{1, 0, 0}, v_axis{0, 0, -1};
   std::filesystem::path weights;  ///< CSV, column weight, a row a vertex; or empty
   std::filesystem::path start;    ///< OBJ: where the simulation starts; or empty: at the scan
   double noise = 2e-4;            ///< m, standard deviation of a coordinate
@@ -69,9 +75,17 @@ struct ScanShape {
 /// Throws Error for a target without a grid, and unless its files fit together and to the swatch.
 ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target);
 
+/// A target's scan before a grid is laid on it.
+struct RawScan {
+  Scan scan;  ///< its points are written
+  std::vector<Landmark> landmarks;
+};
+
 /// Writes capture.toml and a grid (and start) a target, which read_scan_capture reads back. Of
-/// `capture` the paths are not used.
+/// `capture` the paths are not used, but for that of `truth`, which must be relative. `raw`, where
+/// it is not empty, has a scan a target; a target whose scan has points is written as this scan, in
+/// place of its shape.
 void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& capture,
-                        const std::vector<ScanShape>& shapes);
+                        const std::vector<ScanShape>& shapes, const std::vector<RawScan>& raw = {});
 
 }  // namespace weft

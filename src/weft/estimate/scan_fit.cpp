@@ -11,6 +11,7 @@
 
 #include "weft/base/error.h"
 #include "weft/base/random.h"
+#include "weft/estimate/content_hash.h"
 #include "weft/fabric/orthotropic.h"
 
 namespace weft {
@@ -215,7 +216,7 @@ ScanProblem::Residuals ScanProblem::residuals(std::size_t t, const ScanSimulatio
   return r;
 }
 
-double ScanProblem::cost(const VecX& scaled, std::string* reason) const {
+double ScanProblem::compute_cost(const VecX& scaled, std::string* reason) const {
   std::vector<ScanSimulation> simulations;
   if (!simulate(scaled, HeldDerivatives::none, simulations, reason)) return kInfinity;
   const Fabric found = fabric(scaled);
@@ -228,7 +229,7 @@ double ScanProblem::cost(const VecX& scaled, std::string* reason) const {
   return sum / static_cast<double>(residual_count_) + p * p;
 }
 
-ScanProblem::Linearization ScanProblem::linearize(const VecX& scaled) const {
+ScanProblem::Linearization ScanProblem::compute_linearization(const VecX& scaled) const {
   Linearization result;
   const int n = dimension();
   result.model.gradient = VecX::Zero(n);
@@ -271,6 +272,125 @@ ScanProblem::Linearization ScanProblem::linearize(const VecX& scaled) const {
   result.model.cost += p * p;
   result.model.gradient += 2 * p * by;
   result.model.hessian += 2 * by * by.transpose();
+  return result;
+}
+
+std::string ScanProblem::fingerprint() const {
+  ContentHash hash;
+  hash.add(solver_->name());
+  hash.add(std::string_view(fabric_.model));
+  hash.add(fabric_.values);
+  for (const ScanParameter& p : parameters_) {
+    hash.add(std::string_view(p.info.name));
+    hash.add(p.info.lower);
+    hash.add(p.info.upper);
+  }
+  hash.add(options_.poisson_limit);
+  hash.add(options_.poisson_tolerance);
+  hash.add(options_.largest_residual);
+  for (std::size_t t = 0; t < trials_.size(); ++t) {
+    const ScanTrial& trial = *trials_[t];
+    hash.add(trial.areal_density);
+    hash.add(trial.grain_angle);
+    hash.add(trial.target.gravity);
+    hash.add(trial.target.noise);
+    hash.add(trial.mesh.material);
+    for (const auto& triangle : trial.mesh.triangles)
+      hash.add_bytes(triangle.data(), sizeof triangle);
+    hash.add_bytes(trial.clamp_of.data(), trial.clamp_of.size() * sizeof(int));
+    hash.add(trial.start);
+    for (const ScanClamp& clamp : trial.target.clamps) {
+      hash.add(clamp.force.value_or(-1));
+      hash.add(clamp.force_noise);
+    }
+    // What of the shape is compared, and how.
+    hash.add(trial.grid.mesh.material);
+    hash.add(trial.grid.weights);
+    hash.add(trial.measured);
+    hash.add(trial.simulated_descriptor->value(trial.measured, fabric_.values));
+    hash.add(trial.measured_descriptor->value(trial.measured, fabric_.values));
+    hash.add(shape_noise_[t]);
+  }
+  return hash.hex();
+}
+
+std::string ScanProblem::key(const char* what, const VecX& scaled) const {
+  ContentHash hash;
+  hash.add(std::string_view(what));
+  hash.add(scaled);
+  hash.add(scales_);
+  return hash.hex();
+}
+
+double ScanProblem::cost(const VecX& scaled, std::string* reason) const {
+  if (!store_) return compute_cost(scaled, reason);
+  const std::string at = key("cost", scaled);
+  if (const auto found = store_->find(at)) {
+    if (reason) reason->clear();
+    return (*found)[0];
+  }
+  const double value = compute_cost(scaled, reason);
+  if (std::isfinite(value)) store_->add(at, VecX::Constant(1, value));
+  return value;
+}
+
+namespace {
+
+/// A linearization as numbers: what is one, then each part.
+VecX to_numbers(const ScanProblem::Linearization& l) {
+  std::vector<double> numbers{l.model.cost, static_cast<double>(l.inexact), l.shape_rms,
+                              l.force_rms};
+  const auto add = [&](const auto& values) {
+    numbers.insert(numbers.end(), values.data(), values.data() + values.size());
+  };
+  add(l.model.gradient);
+  add(l.model.hessian);
+  add(l.target_rms);
+  for (const CostPart& part : l.parts) {
+    numbers.push_back(static_cast<double>(part.trial));
+    numbers.push_back(static_cast<double>(part.frame));
+    add(part.gradient);
+    add(part.hessian);
+  }
+  return VecX::Map(numbers.data(), static_cast<Eigen::Index>(numbers.size()));
+}
+
+ScanProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index n, Eigen::Index targets) {
+  ScanProblem::Linearization l;
+  Eigen::Index next = 0;
+  const auto one = [&] { return numbers[next++]; };
+  const auto vector = [&](Eigen::Index size) {
+    next += size;
+    return VecX(numbers.segment(next - size, size));
+  };
+  const auto matrix = [&] { return MatX(vector(n * n).reshaped(n, n)); };
+  l.model.cost = one();
+  l.inexact = static_cast<int>(one());
+  l.shape_rms = one();
+  l.force_rms = one();
+  l.model.gradient = vector(n);
+  l.model.hessian = matrix();
+  l.target_rms = vector(targets);
+  while (next < numbers.size()) {
+    CostPart part;
+    part.trial = static_cast<std::size_t>(one());
+    part.frame = static_cast<int>(one());
+    part.gradient = vector(n);
+    part.hessian = matrix();
+    l.parts.push_back(std::move(part));
+  }
+  return l;
+}
+
+}  // namespace
+
+ScanProblem::Linearization ScanProblem::linearize(const VecX& scaled) const {
+  if (!store_) return compute_linearization(scaled);
+  const std::string at = key("linearization", scaled);
+  const auto targets = static_cast<Eigen::Index>(trials_.size());
+  if (const auto found = store_->find(at)) return from_numbers(*found, scaled.size(), targets);
+  Linearization result = compute_linearization(scaled);
+  if (std::isfinite(result.model.cost)) store_->add(at, to_numbers(result));
   return result;
 }
 

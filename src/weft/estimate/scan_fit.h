@@ -9,6 +9,7 @@
 
 #include "weft/estimate/least_squares.h"
 #include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/number_store.h"
 #include "weft/estimate/residual_intervals.h"
 #include "weft/estimate/scan_trial.h"
 
@@ -90,7 +91,16 @@ class ScanProblem {
   };
   Linearization linearize(const VecX& scaled) const;
 
+  /// A hash of all that decides cost and derivatives: targets, solver, fabric, parameters, options.
+  std::string fingerprint() const;
+  /// Finite costs and their linearizations are then taken from there, or added. The store must be
+  /// of this problem's fingerprint().
+  void keep_in(std::shared_ptr<NumberStore> store) { store_ = std::move(store); }
+
  private:
+  std::string key(const char* what, const VecX& scaled) const;
+  double compute_cost(const VecX& scaled, std::string* reason) const;
+  Linearization compute_linearization(const VecX& scaled) const;
   struct Residuals {
     VecX shape, force;
     MatX shape_jacobian, force_jacobian;  ///< by the values of the fabric
@@ -112,6 +122,7 @@ class ScanProblem {
   VecX scales_;
   std::vector<VecX> shape_noise_;
   std::size_t residual_count_ = 0;
+  std::shared_ptr<NumberStore> store_;
 };
 
 enum class ScanSchedule {

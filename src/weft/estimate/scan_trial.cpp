@@ -245,9 +245,8 @@ void set_descriptor_grid(ScanTrial& trial) {
   grid.mesh.material.colwise() += lower;
 }
 
-std::shared_ptr<const ScanTrial> prepare_target(const ScanCapture& capture,
-                                                const ScanTarget& target, ScanShape shape,
-                                                const ScanOptions& options) {
+std::shared_ptr<ScanTrial> prepare_target(const ScanCapture& capture, const ScanTarget& target,
+                                          ScanShape shape, const ScanOptions& options) {
   auto trial = std::make_shared<ScanTrial>();
   trial->target = target;
   trial->shape = std::move(shape);
@@ -289,13 +288,17 @@ MatX force_derivatives_of(const ScanTrial& trial, const MatX& reactions) {
   return forces;
 }
 
+void check(const ScanOptions& options) {
+  if (options.cells != 0 && (options.cells < 2 || options.cells > kMostCells))
+    throw Error(fmt::format("cells is {}, must be 0 or in [2, {}]", options.cells, kMostCells));
+}
+
 }  // namespace
 
 std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& capture,
                                                            const std::vector<ScanShape>& shapes,
                                                            const ScanOptions& options) {
-  if (options.cells != 0 && (options.cells < 2 || options.cells > kMostCells))
-    throw Error(fmt::format("cells is {}, must be 0 or in [2, {}]", options.cells, kMostCells));
+  check(options);
   if (shapes.size() != capture.targets.size())
     throw Error(fmt::format("{} shapes for {} targets", shapes.size(), capture.targets.size()));
   std::vector<std::shared_ptr<const ScanTrial>> trials;
@@ -306,10 +309,19 @@ std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& ca
 
 std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& capture,
                                                            const ScanOptions& options) {
-  std::vector<ScanShape> shapes;
-  for (const ScanTarget& target : capture.targets)
-    shapes.push_back(read_scan_shape(capture, target));
-  return prepare_scan(capture, shapes, options);
+  check(options);
+  std::vector<std::shared_ptr<const ScanTrial>> trials;
+  for (const ScanTarget& target : capture.targets) {
+    if (!target.grid.empty()) {
+      trials.push_back(prepare_target(capture, target, read_scan_shape(capture, target), options));
+      continue;
+    }
+    RegisteredScan found = register_raw_scan(capture, target, options.raw);
+    const auto trial = prepare_target(capture, target, std::move(found.shape), options);
+    trial->registration = std::move(found.registration);
+    trials.push_back(trial);
+  }
+  return trials;
 }
 
 std::vector<ScanSimulation> simulate_scans(

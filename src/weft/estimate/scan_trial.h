@@ -8,6 +8,7 @@
 #include "weft/capture/capture.h"
 #include "weft/capture/scan_capture.h"
 #include "weft/dynamics/held_equilibrium.h"
+#include "weft/estimate/raw_scan.h"
 #include "weft/objective/shape_descriptor.h"
 
 namespace weft {
@@ -18,6 +19,7 @@ struct ScanOptions {
   /// bars (mechanical_trial.h). 0: the grid that was registered, which then must be one.
   int cells = 0;
   DescriptorKind descriptor = DescriptorKind::fourier;
+  RawScanOptions raw;  ///< of targets without a registered grid
 };
 
 /// One target.
@@ -29,8 +31,9 @@ struct ScanOptions {
 struct ScanTrial {
   ScanTarget target;
   ScanShape shape;
-  double areal_density = 0;  ///< kg/m^2
-  double grain_angle = 0;    ///< rad
+  std::optional<ScanRegistration> registration;  ///< that gave `shape`, of a raw scan
+  double areal_density = 0;                      ///< kg/m^2
+  double grain_angle = 0;                        ///< rad
 
   TriangleMesh mesh;          ///< simulated
   std::vector<int> clamp_of;  ///< a number a vertex, -1: free
@@ -43,8 +46,9 @@ struct ScanTrial {
   SparseMatrix at_scan;   ///< the scan's vertices from those of `mesh`
   std::shared_ptr<const ShapeDescriptor> simulated_descriptor, measured_descriptor;
 };
-/// One a target. Throws Error for options out of range, a grid that is none where one is needed, a
-/// clamp without a vertex and a cloth that is held everywhere or nowhere.
+/// One a target; raw ones are registered first (raw_scan.h). Throws Error for options out of range,
+/// a grid that is none where one is needed, a clamp without a vertex and a cloth that is held
+/// everywhere or nowhere.
 std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& capture,
                                                            const ScanOptions& options = {});
 /// Of shapes at hand, in place of the files.

@@ -242,7 +242,7 @@ class GridIcp {
  private:
   void make_rim();
   std::vector<std::pair<int, int>> pairs() const;
-  std::vector<Stage> stages() const;
+  std::vector<Stage> stages(double start_reach) const;
   void set_scales(Stage& stage, double previous) const;
 
   void associate(const Points& x, const Stage& stage);
@@ -396,10 +396,12 @@ void GridIcp::make_rim() {
   }
 }
 
-std::vector<Stage> GridIcp::stages() const {
+std::vector<Stage> GridIcp::stages(double start_reach) const {
   const double size = std::sqrt(grid_.width * grid_.height);
   const bool fixed = landmark_pulls_.size() >= 16;
-  const double start = options_.start_error > 0 ? options_.start_error : 0.15 * size;
+  const double start = start_reach > 0            ? start_reach
+                       : options_.start_error > 0 ? options_.start_error
+                                                  : 0.15 * size;
   const double smoothing = options_.smoothing > 0 ? options_.smoothing : 0.5 * cell_;
   const double isometry = options_.isometry > 0 ? options_.isometry : (fixed ? 0.1 : 0.5) * size;
   std::vector<Stage> stages;
@@ -782,7 +784,7 @@ ScanRegistration GridIcp::run(const RegistrationStart& start) {
   const double still = 3e-4 * cell_;
   Stage last{};
   double previous = std::numeric_limits<double>::infinity();
-  for (Stage stage : stages()) {
+  for (Stage stage : stages(start.reach)) {
     damping_ = std::max(damping_, 1e-2);
     for (int round = 0; round < stage.rounds; ++round) {
       associate(x, stage);
@@ -908,7 +910,8 @@ void check(const GridTemplate& grid, const Scan& scan, const ScanGeometry& geome
                             scan.size()));
   }
   if (geometry.normal.cols() != scan.size()) throw Error("normals of another scan");
-  for (const double length : {options.start_error, options.smoothing, options.isometry}) {
+  for (const double length :
+       {options.start_error, options.smoothing, options.isometry, start.reach}) {
     if (!(length >= 0 && length < 1e3)) {
       throw Error(fmt::format("{} m: lengths of a registration must be 0 to 1000 m", length));
     }

@@ -76,6 +76,7 @@ struct RegistrationStart {
   Points x;                 ///< 3 x vertices, m
   std::vector<char> piece;  ///< a flag for each point of the scan; empty: all
   View view = View::part;
+  double reach = 0;  ///< m, >= 0: how far this start may be off; 0: options.start_error
 };
 
 /// Lays the grid on the scan. Minimizes over the vertices x
