@@ -19,7 +19,7 @@ struct ScanOptions {
   /// bars (mechanical_trial.h). 0: the grid that was registered, which then must be one.
   int cells = 0;
   DescriptorKind descriptor = DescriptorKind::fourier;
-  RawScanOptions raw;  ///< of targets without a registered grid
+  RawScanOptions raw{};  ///< of targets without a registered grid
 };
 
 /// One target.
