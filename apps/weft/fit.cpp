@@ -445,8 +445,8 @@ void add_fit(CLI::App& app) {
       ->required();
   command
       ->add_option("--out", arguments->out,
-                   "folder for fabric.toml, result.json, evaluations.sqlite, report.html; a run "
-                   "that was killed continues")
+                   "folder for fabric.toml, result.json, evaluations.sqlite, report.html; a run of "
+                   "videos or scans that was killed continues")
       ->required();
   command->add_option("--name", arguments->name, "of the fabric (default: the capture's)");
   command->add_option("--model", arguments->model,
