@@ -4,10 +4,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <set>
+
+#include "weft/base/number_text.h"
 
 namespace weft {
 namespace {
@@ -74,12 +75,10 @@ std::size_t TableFile::column_index(std::string_view column) const {
 
 double TableFile::number(std::size_t row, std::size_t column) const {
   const std::string& cell = rows_[row][column];
-  double value = 0;
-  const auto [end, status] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (status != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value)) {
+  const auto value = number_of<double>(cell);
+  if (!value || !std::isfinite(*value))
     throw fail(row, header_[column], fmt::format("\"{}\" is not a finite number", cell));
-  }
-  return value;
+  return *value;
 }
 
 VecX TableFile::numbers(std::string_view column) const {

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -11,6 +10,7 @@
 #include <string_view>
 
 #include "weft/base/error.h"
+#include "weft/base/number_text.h"
 
 namespace weft {
 namespace {
@@ -48,12 +48,6 @@ std::string_view next_word(std::string_view& line) {
   return word;
 }
 
-template <typename Number>
-bool parse_number(std::string_view word, Number& value) {
-  const auto [end, status] = std::from_chars(word.data(), word.data() + word.size(), value);
-  return status == std::errc() && end == word.data() + word.size();
-}
-
 /// Reads an OBJ line by line.
 class ObjReader {
  public:
@@ -83,20 +77,21 @@ class ObjReader {
     for (int i = 0; i < N; ++i) {
       const std::string_view word = next_word(rest);
       if (word.empty()) throw fail(fmt::format("expected {} numbers, found {}", N, i));
-      if (!parse_number(word, value[i]) || !std::isfinite(value[i])) {
+      const auto number = number_of<double>(word);
+      if (!number || !std::isfinite(*number))
         throw fail(fmt::format("\"{}\" is not a finite number", word));
-      }
+      value[i] = *number;
     }
     return value;
   }
 
   /// A 1-based index, or a negative one that counts from the last; to 0-based.
   int read_index(std::string_view word, std::size_t count, std::string_view what) const {
-    int index = 0;
-    if (!parse_number(word, index)) throw fail(fmt::format("\"{}\" is not an index", word));
-    const int zero_based = index < 0 ? static_cast<int>(count) + index : index - 1;
+    const auto index = number_of<int>(word);
+    if (!index) throw fail(fmt::format("\"{}\" is not an index", word));
+    const int zero_based = *index < 0 ? static_cast<int>(count) + *index : *index - 1;
     if (zero_based < 0 || zero_based >= static_cast<int>(count)) {
-      throw fail(fmt::format("{} {} does not exist; {} were read so far", what, index, count));
+      throw fail(fmt::format("{} {} does not exist; {} were read so far", what, *index, count));
     }
     return zero_based;
   }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -11,9 +10,11 @@
 #include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <string_view>
 
 #include "weft/base/error.h"
+#include "weft/base/number_text.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/scan.h"
 
@@ -54,10 +55,9 @@ std::vector<std::string_view> words_of(std::string_view line) {
   }
 }
 
-bool number_of(std::string_view word, double& value) {
+std::optional<double> signed_number(std::string_view word) {
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);
-  const auto [end, status] = std::from_chars(word.data(), word.data() + word.size(), value);
-  return status == std::errc() && end == word.data() + word.size();
+  return number_of<double>(word);
 }
 
 /// Lines of a text, counted.
@@ -109,17 +109,17 @@ Vec3 vector_of(const std::vector<double>& numbers, std::size_t first, const fs::
 }
 
 /// The numbers of a line; empty for a blank line, a comment, and the header.
-std::vector<double> numbers_of(std::string_view line, bool header_allowed, const fs::path& path,
-                               int number) {
+std::vector<double> line_numbers(std::string_view line, bool header_allowed, const fs::path& path,
+                                 int number) {
   std::vector<double> numbers;
   for (const std::string_view word : words_of(line)) {
     if (numbers.empty() && word.front() == '#') return {};
-    double value = 0;
-    if (!number_of(word, value)) {
+    const auto value = signed_number(word);
+    if (!value) {
       if (header_allowed && numbers.empty()) return {};
       throw error_at({path, number, {}}, fmt::format("\"{}\" is not a number", word));
     }
-    numbers.push_back(value);
+    numbers.push_back(*value);
   }
   return numbers;
 }
@@ -130,7 +130,7 @@ Scan read_list(const fs::path& path) {
   Lines lines(text);
   std::string_view line;
   while (lines.next(line)) {
-    const auto numbers = numbers_of(line, list.position.empty(), path, lines.number());
+    const auto numbers = line_numbers(line, list.position.empty(), path, lines.number());
     if (numbers.empty()) continue;
     // A lone number is a count of points, as PTS files begin with.
     if (numbers.size() == 1 && list.position.empty()) continue;
@@ -196,8 +196,7 @@ void add_obj_colours(const fs::path& path, Scan& scan) {
     const auto words = words_of(line);
     if (words.empty()) continue;
     const auto number = [&](std::size_t k) {
-      double value = 0;
-      return k < words.size() && number_of(words[k], value) ? value : 0.0;
+      return k < words.size() ? signed_number(words[k]).value_or(0) : 0.0;
     };
     if (words[0] == "v" && words.size() >= 7) {
       colours.push_back(Vec3(number(4), number(5), number(6)).cast<float>());
@@ -213,10 +212,9 @@ void add_obj_colours(const fs::path& path, Scan& scan) {
         const std::size_t slash = words[k].find('/');
         std::string_view index = slash == std::string_view::npos ? "" : words[k].substr(slash + 1);
         index = index.substr(0, index.find('/'));
-        double value = 0;
-        const bool found = number_of(index, value);
+        const double value = signed_number(index).value_or(0);
         const double at = value < 0 ? static_cast<double>(textures.size()) + value : value - 1;
-        const bool valid = found && at >= 0 && at < static_cast<double>(textures.size());
+        const bool valid = at >= 0 && at < static_cast<double>(textures.size());
         complete = complete && valid;
         corners.push_back(valid ? textures[static_cast<std::size_t>(at)] : Vec2(Vec2::Zero()));
       }
@@ -302,10 +300,8 @@ class PlyReader {
         else
           known = false;
       } else if (words[0] == "element" && words.size() == 3) {
-        double count = -1;
-        if (!number_of(words[2], count) || !(count >= 0) || count > 2e9) {
-          throw fail(fmt::format("\"{}\": not a count", line));
-        }
+        const double count = signed_number(words[2]).value_or(-1);
+        if (!(count >= 0) || count > 2e9) throw fail(fmt::format("\"{}\": not a count", line));
         elements_.push_back({std::string(words[1]), static_cast<std::int64_t>(count), {}});
       } else if (words[0] == "property" && words.size() >= 3 && !elements_.empty()) {
         const bool is_list_property = words[1] == "list" && words.size() == 5;
@@ -337,9 +333,9 @@ class PlyReader {
     if (begin == std::string::npos) throw fail("cut short");
     at_ = std::min(text_.find_first_of(gaps, begin), text_.size());
     const std::string_view word(text_.data() + begin, at_ - begin);
-    double value = 0;
-    if (!number_of(word, value)) throw fail(fmt::format("\"{}\" is not a number", word));
-    return value;
+    const auto value = signed_number(word);
+    if (!value) throw fail(fmt::format("\"{}\" is not a number", word));
+    return *value;
   }
 
   double number(const std::string& type) {
@@ -468,7 +464,7 @@ std::vector<Scan> read_frames_csv(const fs::path& path, const std::string& text,
     }
   }
   while (lines.next(line)) {
-    const auto numbers = numbers_of(line, false, path, lines.number());
+    const auto numbers = line_numbers(line, false, path, lines.number());
     if (numbers.empty()) continue;
     if (numbers.size() != column.size()) {
       throw error_at({path, lines.number(), {}},

@@ -1,12 +1,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <istream>
 
 #include "weft/base/error.h"
+#include "weft/base/number_text.h"
 #include "weft/base/text_file.h"
 #include "weft/report/plot.h"
 #include "weft/report/text.h"
@@ -65,12 +65,9 @@ bool read_record(std::istream& in, std::vector<std::string>& fields, int& line) 
 }
 
 double parse_number(const std::string& text, const std::filesystem::path& path, int line) {
-  double value = 0;
-  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (code != std::errc() || end != text.data() + text.size()) {
-    throw Error(fmt::format("{}:{}: \"{}\" is not a number", path.string(), line, text));
-  }
-  return value;
+  const auto value = number_of<double>(text);
+  if (!value) throw Error(fmt::format("{}:{}: \"{}\" is not a number", path.string(), line, text));
+  return *value;
 }
 
 }  // namespace
