@@ -236,9 +236,8 @@ void ImplicitStepper::linearize(const State& next, double rate, std::optional<He
   velocity_ = rate * next.x - x_history_;
   prescribe_velocities(fixtures_, next.time, velocity_);
   drag_.setZero(3, velocity_.cols());
-  velocity_in_air_ = velocity_;
-  if (air_) velocity_in_air_ -= next.air;
-  model_.add_drag(next.x, velocity_in_air_, drag_);
+  if (air_) velocity_in_air_ = velocity_ - next.air;
+  model_.add_drag(next.x, velocity_in_air(), drag_);
   if (kind) {
     assemble(next.x, rate, *kind, gradient_, hessian_);
   } else {
@@ -259,7 +258,7 @@ void ImplicitStepper::assemble(const Points& x, double rate, HessianKind kind, P
                                SparseMatrix& hessian) {
   hessian.coeffs().setZero();
   model_.potential_hessian(x, {strain_rate_, &c_history_}, kind, gradient, hessian);
-  model_.add_drag_damping(x, velocity_in_air_, rate, hessian);
+  model_.add_drag_damping(x, velocity_in_air(), rate, hessian);
   const auto diagonal = model_.diagonal_slots();
   for (Eigen::Index i = 0; i < x.cols(); ++i) {
     for (int k = 0; k < 3; ++k) {

@@ -101,6 +101,7 @@ class ImplicitStepper {
   void linearize(const State& next, double rate, std::optional<HessianKind> kind);
   void assemble(const Points& x, double rate, HessianKind kind, Points& gradient,
                 SparseMatrix& hessian);
+  const Points& velocity_in_air() const { return air_ ? velocity_in_air_ : velocity_; }
   enum class Factor { of_matrix, of_projection, none };
   Factor refactorize(const Points& x, double rate, Trajectory& counts);
   bool find_direction();
@@ -125,7 +126,9 @@ class ImplicitStepper {
   Work work_;
   // Work space.
   SparseMatrix hessian_, projected_hessian_;
-  Points velocity_, velocity_in_air_, gradient_, unused_gradient_, drag_, direction_, trial_;
+  Points velocity_;
+  Points velocity_in_air_;  // in moving air only
+  Points gradient_, unused_gradient_, drag_, direction_, trial_;
   Points residual_, scaled_residual_, search_, product_;
   // Derivatives.
   std::vector<int> parameters_;

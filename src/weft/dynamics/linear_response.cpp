@@ -51,7 +51,7 @@ void StrainHistory::add(double factor, const Directions& strains) {
 void LinearResponse::set_state(const ClothModel& model, const State& state,
                                const std::vector<int>& parameters, const StrainHistory& history) {
   model.strain_jacobian(state.x, strains_);
-  const Points velocity = state.velocity_in_air();
+  const Points& velocity = state.velocity_in_air(velocity_in_air_);
   model.drag_jacobian(state.x, velocity, drag_);
   const ComponentTable& table = model.components();
   // Row p has a 1 in the column of parameter p, if it has one.

@@ -63,7 +63,7 @@ class LinearResponse {
   StrainJacobian strains_;
   DragJacobian drag_;
   Directions right_side_, residual_;
-  Points drag_derivative_;
+  Points velocity_in_air_, drag_derivative_;
 };
 
 /// Derivatives of a state at rest (state_from_rest). `settled`: it is an equilibrium, which moves

@@ -4,11 +4,18 @@
 
 namespace weft {
 
+const Points& State::velocity_in_air(Points& storage) const {
+  if (air.cols() == 0) return v;
+  storage = v - air;
+  return storage;
+}
+
 void total_force(const ClothModel& model, const State& state, Points& force) {
   VecX history;
   model.potential_gradient(state.x, damping_at(state, history), force);
   force = -force;
-  model.add_drag(state.x, state.velocity_in_air(), force);
+  Points in_air;
+  model.add_drag(state.x, state.velocity_in_air(in_air), force);
 }
 
 void prescribe_positions(const std::vector<PointFixture>& fixtures, double time, Points& x) {

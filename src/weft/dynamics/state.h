@@ -25,8 +25,9 @@ struct State {
   Points air;       ///< velocity of the air at the vertices, m/s; no columns: still
   StateDerivatives derivatives;
 
-  /// Velocity of the cloth relative to the air: what drag acts by.
-  Points velocity_in_air() const { return air.cols() > 0 ? Points(v - air) : v; }
+  /// Velocity of the cloth relative to the air, what drag acts by; `storage` is for it in moving
+  /// air.
+  const Points& velocity_in_air(Points& storage) const;
 };
 
 /// Sets the columns of the fixtures' vertices to what their motions say.
