@@ -71,7 +71,6 @@ class LeastSquaresFit {
 
   FitResult run() {
     const auto begin = std::chrono::steady_clock::now();
-    evaluate_middle();
     std::vector<Candidate> candidates = screen();
     for (const FitStage& stage : options_.stages) {
       if (stopped_) break;
@@ -123,10 +122,7 @@ class LeastSquaresFit {
     if (interrupted()) stopped_ = true;
   }
 
-  void evaluate_middle() {
-    const VecX middle = VecX::Constant(problem_.dimension(), 0.5);
-    const StoredEvaluation stored =
-        evaluate_stored(problem_, problem_.fabric(middle), 0, "start", store_, options_.threads);
+  void note_middle(const VecX& middle, const StoredEvaluation& stored) {
     result_.replayed += stored.replayed;
     result_.initial = result_.start = stored.evaluation;
     result_.start_fabric = problem_.fabric(middle);
@@ -149,29 +145,43 @@ class LeastSquaresFit {
     return scaled;
   }
 
-  /// The start and the points of the screening, best first.
-  std::vector<Candidate> screen() {
+  /// The start and the points of the screening about it; the start alone without one.
+  std::vector<Candidate> points_to_screen() const {
     std::vector<Candidate> candidates{{first_guess(), 0}};
-    if (options_.screening_points == 0 || stopped_) return candidates;
     std::vector<Eigen::Index> dimensions;
     for (const std::string& name : options_.screening_parameters)
       if (const int i = problem_.index_of(name); i >= 0) dimensions.push_back(i);
-    if (dimensions.empty()) return candidates;
+    if (options_.screening_points == 0 || dimensions.empty()) return candidates;
     for (const VecX& point : latin_hypercube(options_.screening_points,
                                              static_cast<int>(dimensions.size()), options_.seed)) {
       candidates.push_back({reference(), kInfinity});
       candidates.back().scaled(dimensions) = point;
     }
-    std::vector<StoredEvaluation> evaluations(candidates.size());
-    parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
-      evaluations[i] = evaluate_stored(problem_, problem_.fabric(candidates[i].scaled),
-                                       options_.screening_frames, "screening", store_, 1);
+    return candidates;
+  }
+
+  /// The middle of the ranges, which reports compare with, and the points to screen are evaluated
+  /// side by side: a simulation has one thread. Returns the points, best first.
+  std::vector<Candidate> screen() {
+    std::vector<Candidate> candidates = points_to_screen();
+    const VecX middle = VecX::Constant(problem_.dimension(), 0.5);
+    const std::size_t screened = candidates.size() > 1 ? candidates.size() : 0;
+    std::vector<StoredEvaluation> evaluations(1 + screened);
+    parallel_for(evaluations.size(), options_.threads, [&](std::size_t i) {
+      if (i == 0)
+        evaluations[i] = evaluate_stored(problem_, problem_.fabric(middle), 0, "start", store_,
+                                         options_.threads);
+      else if (!interrupted())
+        evaluations[i] = evaluate_stored(problem_, problem_.fabric(candidates[i - 1].scaled),
+                                         options_.screening_frames, "screening", store_, 1);
     });
-    for (std::size_t i = 0; i < candidates.size() && !stopped_; ++i) {
-      result_.replayed += evaluations[i].replayed;
-      candidates[i].cost = evaluations[i].evaluation.error;
-      note("screening", candidates[i].scaled, options_.screening_frames, evaluations[i].evaluation,
-           candidates.size());
+    note_middle(middle, evaluations[0]);
+    for (std::size_t i = 0; i < screened && !stopped_; ++i) {
+      const StoredEvaluation& stored = evaluations[i + 1];
+      result_.replayed += stored.replayed;
+      candidates[i].cost = stored.evaluation.error;
+      note("screening", candidates[i].scaled, options_.screening_frames, stored.evaluation,
+           screened);
     }
     keep_best(candidates, static_cast<int>(candidates.size()));
     return candidates;

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <chrono>
@@ -11,17 +10,16 @@
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/estimate/estimate_scatter.h"
 
 namespace weft {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr double kOffMesh = 1e-9;    // m
-constexpr double kWidestHalf = 0.5;  // of the range: says nothing
-constexpr double kPriorShare =
-    0.5;  // an interval as wide as that of the prior alone is the prior's
-constexpr double kManyDegrees = 1e6;  // of freedom: the normal distribution
+constexpr double kOffMesh = 1e-9;  // m
+/// An interval as wide as that of the prior alone is the prior's.
+constexpr double kPriorShare = 0.5;
 constexpr double kSameDispersion = 1.05;
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
@@ -341,25 +339,28 @@ double MotionProblem::add_frame(std::size_t trial, std::size_t frame, const Poin
   return sum;
 }
 
-void MotionProblem::add_prior(const VecX& scaled, QuadraticModel& model) const {
+PriorTerm MotionProblem::prior(const VecX& scaled) const {
+  PriorTerm term;
+  term.gradient = dispersion_ * prior_precision_.cwiseProduct(scaled - prior_mean_);
+  term.hessian = (dispersion_ * prior_precision_).asDiagonal();
+  term.gradient_covariance = (dispersion_ * dispersion_ * prior_precision_).asDiagonal();
+  return term;
+}
+
+double MotionProblem::prior_cost(const VecX& scaled) const {
   const VecX off = scaled - prior_mean_;
-  const VecX pull = dispersion_ * prior_precision_.cwiseProduct(off);
-  model.cost += 0.5 * pull.dot(off);
-  if (model.gradient.size() == 0) return;
-  model.gradient += pull;
-  model.hessian.diagonal() += dispersion_ * prior_precision_;
+  return 0.5 * prior(scaled).gradient.dot(off);
 }
 
 double MotionProblem::cost(const VecX& scaled) const {
-  QuadraticModel model;
+  double sum = 0;
   const std::vector<MotionFrames> frames = simulate(scaled);
   for (std::size_t t = 0; t < trials_.size(); ++t) {
     if (frames[t].diverged) return kInfinity;
     for (std::size_t k = 0; k < frames[t].position.size(); ++k)
-      model.cost += add_frame(t, k, frames[t].position[k], nullptr, nullptr) / residual_count_;
+      sum += add_frame(t, k, frames[t].position[k], nullptr, nullptr) / residual_count_;
   }
-  add_prior(scaled, model);
-  return model.cost;
+  return sum + prior_cost(scaled);
 }
 
 /// A trial's simulated frames with their derivatives.
@@ -448,10 +449,10 @@ MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const 
       result.parts.push_back(std::move(part));
     }
   }
-  add_prior(scaled, result.model);
-  result.prior.gradient = dispersion_ * prior_precision_.cwiseProduct(scaled - prior_mean_);
-  result.prior.hessian = (dispersion_ * prior_precision_).asDiagonal();
-  result.prior.gradient_covariance = (dispersion_ * dispersion_ * prior_precision_).asDiagonal();
+  result.prior = prior(scaled);
+  result.model.cost += prior_cost(scaled);
+  result.model.gradient += result.prior.gradient;
+  result.model.hessian += result.prior.hessian;
   return result;
 }
 
@@ -461,98 +462,35 @@ std::vector<CostPart> blocks_of(const std::vector<CostPart>& parts) {
   return join_frames(parts, frames_per_cluster(parts));
 }
 
-/// Rows and columns `free` of a part.
-CostPart part_of(const CostPart& part, const std::vector<Eigen::Index>& free) {
-  return {part.trial, part.frame, VecX(part.gradient(free)), MatX(part.hessian(free, free)),
-          part.factor};
+/// One that is held at a bound is anywhere; one as wide as half the range, or as half of what the
+/// prior alone would give, is not of the data.
+ParameterInterval interval_of(const MotionProblem& problem, const EstimateScatter& scatter,
+                              const VecX& scaled, Eigen::Index i, double confidence) {
+  const ParameterInfo& info = problem.infos()[at(i)];
+  ParameterInterval out = interval_about(info, scaled[i], half_width(scatter, i, confidence));
+  const double precision = problem.prior_precision()[i];
+  double widest = widest_half_interval;
+  if (precision > 0)
+    widest = std::min(widest, kPriorShare * normal_half_width(confidence) / std::sqrt(precision));
+  out.determined = scatter.determined(i) && out.half_width <= widest;
+  if (scatter.held(i)) {
+    out.half_width = out.upper = kInfinity;
+    out.lower = -kInfinity;
+  }
+  if (info.scale == Scale::shifted_log) out.lower = std::max(out.lower, 0.0);
+  return out;
 }
 
-class Intervals {
- public:
-  Intervals(const MotionProblem& problem, const MotionProblem::Linearization& found,
-            const VecX& scaled, double confidence)
-      : problem_(problem), scaled_(scaled), confidence_(confidence) {
-    const VecX& gradient = found.model.gradient;
-    for (Eigen::Index i = 0; i < scaled.size(); ++i) {
-      const bool held = (scaled[i] <= 0 && gradient[i] > 0) || (scaled[i] >= 1 && gradient[i] < 0);
-      if (!held) free_.push_back(i);
-    }
-    const Eigen::Index n = scaled.size();
-    covariance_ = MatX::Zero(n, n);
-    noise_ = lost_ = VecX::Zero(n);
-    std::vector<CostPart> parts;
-    for (const CostPart& part : blocks_of(found.parts)) parts.push_back(part_of(part, free_));
-    clusters_ = parts.size();
-    if (clusters_ < 2 || free_.empty()) return;
-    PriorTerm prior;
-    prior.gradient = found.prior.gradient(free_);
-    prior.hessian = found.prior.hessian(free_, free_);
-    prior.gradient_covariance = found.prior.gradient_covariance(free_, free_);
-    const ClusterCovariance c = cluster_covariance(parts, prior);
-    condition = c.condition;
-    covariance_(free_, free_) = c.covariance;
-    lost_(free_) = VecX(c.undetermined.rowwise().squaredNorm());
-    // As wide as the dispersion makes them, at least.
-    const MatX hessian = found.model.hessian(free_, free_);
-    const Eigen::LDLT<MatX> factor(hessian);
-    const bool regular = factor.info() == Eigen::Success && factor.vectorD().minCoeff() > 0;
-    noise_(free_) =
-        regular ? VecX(problem.dispersion() *
-                       factor.solve(MatX::Identity(hessian.rows(), hessian.rows())).diagonal())
-                : VecX::Constant(hessian.rows(), kInfinity);
-  }
-
-  std::vector<ParameterInterval> all() const {
-    std::vector<ParameterInterval> out;
-    if (clusters_ < 2) return out;
-    for (Eigen::Index i = 0; i < scaled_.size(); ++i) out.push_back(one(i));
-    return out;
-  }
-  MatX correlation() const {
-    const Eigen::Index n = scaled_.size();
-    MatX out = MatX::Constant(n, n, kNone);
-    for (Eigen::Index i = 0; i < n; ++i)
-      for (Eigen::Index j = 0; j < n; ++j)
-        if (const double scale = std::sqrt(covariance_(i, i) * covariance_(j, j)); scale > 0)
-          out(i, j) = covariance_(i, j) / scale;
-    return out;
-  }
-  double condition = 0;
-
- private:
-  ParameterInterval one(Eigen::Index i) const {
-    const ParameterInfo& info = problem_.infos()[at(i)];
-    const double p = 0.5 + 0.5 * confidence_;
-    const double t = student_quantile(p, static_cast<double>(clusters_) - 1);
-    const double normal = student_quantile(p, kManyDegrees);
-    ParameterInterval out;
-    out.name = info.name;
-    out.unit = info.unit;
-    out.value = from_scaled(info, scaled_[i]);
-    out.half_width = std::max(t * std::sqrt(covariance_(i, i)), normal * std::sqrt(noise_[i]));
-    out.at_lower = scaled_[i] <= 0;
-    out.at_upper = scaled_[i] >= 1;
-    const double precision = problem_.prior_precision()[i];
-    const double widest = precision > 0
-                              ? std::min(kWidestHalf, kPriorShare * normal / std::sqrt(precision))
-                              : kWidestHalf;
-    const bool held = std::find(free_.begin(), free_.end(), i) == free_.end();
-    out.determined = !held && lost_[i] < 1e-6 && out.half_width <= widest;
-    if (held) out.half_width = kInfinity;
-    out.lower = held ? -kInfinity : from_scaled(info, scaled_[i] - out.half_width);
-    out.upper = held ? kInfinity : from_scaled(info, scaled_[i] + out.half_width);
-    if (info.scale == Scale::shifted_log) out.lower = std::max(out.lower, 0.0);
-    return out;
-  }
-
-  const MotionProblem& problem_;
-  const VecX& scaled_;
-  double confidence_;
-  std::vector<Eigen::Index> free_;
-  MatX covariance_;
-  VecX noise_, lost_;
-  std::size_t clusters_ = 0;
-};
+void add_intervals(const MotionProblem& problem, const MotionProblem::Linearization& found,
+                   double confidence, MotionFitResult& result) {
+  const EstimateScatter scatter = scatter_of(result.scaled, found.model, blocks_of(found.parts),
+                                             problem.dispersion(), found.prior);
+  result.correlation = correlation_of(scatter.covariance);
+  result.condition = scatter.condition;
+  if (scatter.parts < 2) return;
+  for (Eigen::Index i = 0; i < result.scaled.size(); ++i)
+    result.intervals.push_back(interval_of(problem, scatter, result.scaled, i, confidence));
+}
 
 }  // namespace
 
@@ -592,10 +530,7 @@ MotionFitResult fit_motion(MotionProblem problem, const VecX& start,
   result.delay = problem.delay(x);
   result.cost = found.model.cost;
   result.inexact = found.inexact;
-  const Intervals intervals(problem, found, x, options.confidence);
-  result.intervals = intervals.all();
-  result.correlation = intervals.correlation();
-  result.condition = intervals.condition;
+  add_intervals(problem, found, options.confidence, result);
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

@@ -148,7 +148,8 @@ class MotionProblem {
   MotionExperiment experiment(std::size_t trial, const VecX& scaled) const;
   double add_frame(std::size_t trial, std::size_t frame, const Points& x, const MatX* jacobian,
                    CostPart* part) const;
-  void add_prior(const VecX& scaled, QuadraticModel& model) const;
+  double prior_cost(const VecX& scaled) const;
+  PriorTerm prior(const VecX& scaled) const;
   void check(const MotionTrial& trial) const;
   void add_unknowns();
 

@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <numbers>
 
 #include "weft/base/error.h"
+#include "weft/base/number_text.h"
 #include "weft/base/random.h"
 #include "weft/dynamics/held_equilibrium.h"
 
@@ -35,18 +35,11 @@ Words words_of(const std::string& text) {
   const std::size_t colon = text.find(':');
   words.name = text.substr(0, colon);
   if (colon == std::string::npos) return words;
-  const char* at = text.data() + colon + 1;
-  const char* const end = text.data() + text.size();
-  while (true) {
-    double value = 0;
-    const auto [next, status] = std::from_chars(at, end, value);
-    if (status != std::errc() || !std::isfinite(value)) break;
-    words.numbers.push_back(value);
-    if (next == end) return words;
-    if (*next != ',') break;
-    at = next + 1;
-  }
-  throw Error(fmt::format("experiment \"{}\": expected NAME:NUMBER[,NUMBER...]", text));
+  const auto numbers = numbers_of(std::string_view(text).substr(colon + 1), ',');
+  if (!numbers)
+    throw Error(fmt::format("experiment \"{}\": expected NAME:NUMBER[,NUMBER...]", text));
+  words.numbers = *numbers;
+  return words;
 }
 
 /// The nearest line to `border`, at least one cell from both ends of the side.

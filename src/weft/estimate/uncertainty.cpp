@@ -22,8 +22,6 @@ constexpr double kRounding = 1e-13;
 constexpr double kLargestCondition = 1e12;
 constexpr int kMostFramesPerCluster = 5;
 constexpr int kLeastClusters = 8;
-/// An interval of half the range and more to either side says nothing about the fabric.
-constexpr double kWidestHalf = 0.5;
 
 /// Inverse of the standard normal distribution by Newton's method on erfc.
 double normal_quantile(double p) {
@@ -64,20 +62,22 @@ VecX leave_one_out(const MatX& hessian, const VecX& gradient) {
            (eigen.eigenvectors().transpose() * gradient).cwiseQuotient(values));
 }
 
-MatX select(const MatX& matrix, const std::vector<Eigen::Index>& indices) {
-  return matrix(indices, indices);
-}
+}  // namespace
 
-std::vector<CostPart> select(const std::vector<CostPart>& parts,
-                             const std::vector<Eigen::Index>& indices) {
+std::vector<CostPart> of_parameters(const std::vector<Eigen::Index>& indices,
+                                    const std::vector<CostPart>& parts) {
   std::vector<CostPart> selected;
   for (const CostPart& part : parts)
-    selected.push_back(
-        {part.trial, part.frame, VecX(part.gradient(indices)), select(part.hessian, indices)});
+    selected.push_back({part.trial, part.frame, VecX(part.gradient(indices)),
+                        MatX(part.hessian(indices, indices)), part.factor});
   return selected;
 }
 
-}  // namespace
+PriorTerm of_parameters(const std::vector<Eigen::Index>& indices, const PriorTerm& prior) {
+  if (prior.gradient.size() == 0) return {};
+  return {VecX(prior.gradient(indices)), MatX(prior.hessian(indices, indices)),
+          MatX(prior.gradient_covariance(indices, indices))};
+}
 
 double student_quantile(double p, double degrees_of_freedom) {
   if (!(p > 0 && p < 1) || !(degrees_of_freedom >= 1))
@@ -262,10 +262,7 @@ class UncertaintyOfEstimate {
 
   /// Of cluster_covariance(), for some of the parameters; empty without priors.
   PriorTerm prior(const std::vector<Eigen::Index>& indices) const {
-    if (!problem_.has_prior()) return {};
-    const PriorTerm all = prior();
-    return {VecX(all.gradient(indices)), select(all.hessian, indices),
-            select(all.gradient_covariance, indices)};
+    return problem_.has_prior() ? of_parameters(indices, prior()) : PriorTerm();
   }
 
   void find_information() {
@@ -297,12 +294,12 @@ class UncertaintyOfEstimate {
 
   /// Over the frames, and over the patches where there are some.
   ClusterCovariance covariance(const std::vector<Eigen::Index>& indices) const {
-    ClusterCovariance found = cluster_covariance(select(clusters_, indices), prior(indices));
+    ClusterCovariance found = cluster_covariance(of_parameters(indices, clusters_), prior(indices));
     if (patches_.empty()) return found;
     // The prior's own part once only.
     PriorTerm term = prior(indices);
     term.gradient_covariance *= 0;
-    const ClusterCovariance across = cluster_covariance(select(patches_, indices), term);
+    const ClusterCovariance across = cluster_covariance(of_parameters(indices, patches_), term);
     const VecX left = step_left(indices, found.undetermined);
     found.covariance += across.covariance + left * left.transpose();
     found.clusters = std::min(found.clusters, across.clusters);
@@ -313,7 +310,7 @@ class UncertaintyOfEstimate {
 
   /// From the estimate to the minimum of the linearization, in the determined directions.
   VecX step_left(const std::vector<Eigen::Index>& indices, const MatX& undetermined) const {
-    CostPart sum = sum_of(select(clusters_, indices));
+    CostPart sum = sum_of(of_parameters(indices, clusters_));
     if (const PriorTerm term = prior(indices); term.gradient.size() > 0) {
       sum.gradient += term.gradient;
       sum.hessian += term.hessian;
@@ -366,7 +363,7 @@ class UncertaintyOfEstimate {
     p.unit = info.unit;
     p.value = from_scaled(info, scaled_[i]);
     p.half_width = half_width;
-    p.determined = half_width <= kWidestHalf;
+    p.determined = half_width <= widest_half_interval;
     p.at_lower = scaled_[i] < at_bound_distance;
     p.at_upper = scaled_[i] > 1 - at_bound_distance;
     const bool held = std::find(held_.begin(), held_.end(), i) != held_.end();

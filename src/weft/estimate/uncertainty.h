@@ -34,6 +34,11 @@ struct PriorTerm {
   VecX gradient;
   MatX hessian, gradient_covariance;
 };
+/// Their rows and columns of some parameters.
+std::vector<CostPart> of_parameters(const std::vector<Eigen::Index>& indices,
+                                    const std::vector<CostPart>& parts);
+PriorTerm of_parameters(const std::vector<Eigen::Index>& indices, const PriorTerm& prior);
+
 /// Throws Error for fewer than two parts or sizes that differ.
 ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
                                      const PriorTerm& prior = {});
@@ -69,6 +74,9 @@ struct UncertaintyOptions {
   int frames_per_cluster = 0;
 };
 
+/// Scaled coordinate: an interval of half the range and more to either side says nothing.
+inline constexpr double widest_half_interval = 0.5;
+
 /// One parameter. Symmetric in its search coordinate, so not in its own unit.
 struct ParameterInterval {
   std::string name, unit;
@@ -76,7 +84,7 @@ struct ParameterInterval {
   double lower = 0, upper = 0;  ///< of the interval, not of the range; infinite if not determined
   /// Half the interval in scaled coordinates, 1 being the whole range of the search.
   double half_width = 0;
-  bool determined = true;                   ///< half_width is at most 0.5
+  bool determined = true;                   ///< half_width is at most widest_half_interval
   bool at_lower = false, at_upper = false;  ///< lies at a bound of the search
 };
 

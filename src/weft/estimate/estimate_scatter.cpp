@@ -1,0 +1,98 @@
+#include "weft/estimate/estimate_scatter.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace weft {
+namespace {
+
+constexpr double kManyDegrees = 1e6;  // of freedom: the normal distribution
+constexpr double kLeastLost = 1e-6;   // share of a parameter that no part determines
+
+std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient) {
+  std::vector<Eigen::Index> indices;
+  for (Eigen::Index i = 0; i < scaled.size(); ++i) {
+    const bool held = (scaled[i] <= 0 && gradient[i] > 0) || (scaled[i] >= 1 && gradient[i] < 0);
+    if (!held) indices.push_back(i);
+  }
+  return indices;
+}
+
+VecX noise_variances(const MatX& hessian, double dispersion) {
+  const Eigen::LDLT<MatX> factor(hessian);
+  const Eigen::Index n = hessian.rows();
+  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 0))
+    return VecX::Constant(n, std::numeric_limits<double>::infinity());
+  return dispersion * factor.solve(MatX::Identity(n, n)).diagonal();
+}
+
+double two_sided_quantile(double confidence, double degrees_of_freedom) {
+  return student_quantile(0.5 + 0.5 * confidence, degrees_of_freedom);
+}
+
+}  // namespace
+
+bool EstimateScatter::held(Eigen::Index i) const {
+  return std::find(free.begin(), free.end(), i) == free.end();
+}
+
+bool EstimateScatter::determined(Eigen::Index i) const {
+  return !held(i) && undetermined[i] < kLeastLost;
+}
+
+EstimateScatter scatter_of(const VecX& scaled, const QuadraticModel& model,
+                           const std::vector<CostPart>& parts, double dispersion,
+                           const PriorTerm& prior) {
+  const Eigen::Index n = scaled.size();
+  EstimateScatter scatter;
+  scatter.free = inside_bounds(scaled, model.gradient);
+  scatter.covariance = MatX::Zero(n, n);
+  scatter.noise = scatter.undetermined = VecX::Zero(n);
+  scatter.parts = parts.size();
+  const auto& free = scatter.free;
+  if (parts.size() < 2 || free.empty()) return scatter;
+  const ClusterCovariance found =
+      cluster_covariance(of_parameters(free, parts), of_parameters(free, prior));
+  scatter.condition = found.condition;
+  scatter.covariance(free, free) = found.covariance;
+  scatter.undetermined(free) = VecX(found.undetermined.rowwise().squaredNorm());
+  scatter.noise(free) = noise_variances(model.hessian(free, free), dispersion);
+  return scatter;
+}
+
+double half_width(const EstimateScatter& scatter, Eigen::Index i, double confidence) {
+  const double t = two_sided_quantile(confidence, static_cast<double>(scatter.parts) - 1);
+  return std::max(t * std::sqrt(scatter.covariance(i, i)),
+                  normal_half_width(confidence) * std::sqrt(scatter.noise[i]));
+}
+
+MatX correlation_of(const MatX& covariance) {
+  const Eigen::Index n = covariance.rows();
+  MatX correlation = MatX::Constant(n, n, std::numeric_limits<double>::quiet_NaN());
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const double scale = std::sqrt(covariance(i, i) * covariance(j, j));
+      if (scale > 0) correlation(i, j) = covariance(i, j) / scale;
+    }
+  }
+  return correlation;
+}
+
+double normal_half_width(double confidence) { return two_sided_quantile(confidence, kManyDegrees); }
+
+ParameterInterval interval_about(const ParameterInfo& info, double scaled, double half_width) {
+  ParameterInterval interval;
+  interval.name = info.name;
+  interval.unit = info.unit;
+  interval.value = from_scaled(info, scaled);
+  interval.half_width = half_width;
+  interval.lower = from_scaled(info, scaled - half_width);
+  interval.upper = from_scaled(info, scaled + half_width);
+  interval.at_lower = scaled <= 0;
+  interval.at_upper = scaled >= 1;
+  return interval;
+}
+
+}  // namespace weft

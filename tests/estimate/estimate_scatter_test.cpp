@@ -1,0 +1,116 @@
+#include "weft/estimate/estimate_scatter.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace weft {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Parts of equal matrices, whose gradients pull one coordinate each to and fro by `pull`.
+std::vector<CostPart> opposed_parts(const VecX& diagonal, double pull) {
+  const Eigen::Index n = diagonal.size();
+  std::vector<CostPart> parts;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (const int sign : {1, -1}) {
+      const MatX hessian = diagonal.asDiagonal();
+      parts.push_back({0, static_cast<int>(parts.size()), sign * pull * VecX::Unit(n, i), hessian});
+    }
+  }
+  return parts;
+}
+
+QuadraticModel sum_of(const std::vector<CostPart>& parts) {
+  QuadraticModel model;
+  model.gradient = VecX::Zero(parts.front().gradient.size());
+  model.hessian = MatX::Zero(model.gradient.size(), model.gradient.size());
+  for (const CostPart& part : parts) {
+    model.gradient += part.gradient;
+    model.hessian += part.hessian;
+  }
+  return model;
+}
+
+// Without part k of K = 4 the estimate moves by g_k / (3 h): the jackknife's variance is
+// (3 / 4) 2 (pull / 3 h)^2, the noise's dispersion / (4 h).
+TEST(EstimateScatter, IsTheJackknifeAndAtLeastTheNoise) {
+  const double pull = 0.6;
+  const auto parts = opposed_parts(Vec2(2, 5), pull);
+  const Vec2 scaled(0.4, 0.5);
+  for (const double dispersion : {1e-6, 10.0}) {
+    const EstimateScatter scatter = scatter_of(scaled, sum_of(parts), parts, dispersion);
+    EXPECT_NEAR(scatter.condition, 2.5, 1e-12);
+    for (Eigen::Index i = 0; i < 2; ++i) {
+      const double h = i == 0 ? 2 : 5;
+      const double variance = 1.5 * std::pow(pull / (3 * h), 2), noise = dispersion / (4 * h);
+      EXPECT_NEAR(scatter.covariance(i, i), variance, 1e-12);
+      EXPECT_NEAR(scatter.noise[i], noise, 1e-12);
+      EXPECT_TRUE(scatter.determined(i));
+      EXPECT_NEAR(half_width(scatter, i, 0.9),
+                  std::max(student_quantile(0.95, 3) * std::sqrt(variance),
+                           normal_half_width(0.9) * std::sqrt(noise)),
+                  1e-9);
+    }
+  }
+  EXPECT_NEAR(normal_half_width(0.9), 1.6449, 1e-4);
+}
+
+TEST(EstimateScatter, LeavesOutWhatABoundHolds) {
+  auto parts = opposed_parts(Vec3(2, 5, 3), 0.6);
+  for (CostPart& part : parts) part.gradient[1] += 1;
+  const EstimateScatter scatter = scatter_of(Vec3(0.4, 0, 1), sum_of(parts), parts, 0.1);
+  EXPECT_EQ(scatter.free, (std::vector<Eigen::Index>{0, 2}));
+  EXPECT_TRUE(scatter.held(1));
+  EXPECT_FALSE(scatter.determined(1));
+  EXPECT_EQ(scatter.covariance(1, 1), 0);
+  EXPECT_EQ(scatter.noise[1], 0);
+  EXPECT_GT(scatter.covariance(2, 2), 0);  // at its bound, but nothing pushes it there
+}
+
+TEST(EstimateScatter, SaysWhatTheDataLeaveOpen) {
+  const auto parts = opposed_parts(Vec2(2, 0), 0.6);
+  const EstimateScatter scatter = scatter_of(Vec2(0.4, 0.5), sum_of(parts), parts, 0.1);
+  EXPECT_TRUE(scatter.determined(0));
+  EXPECT_FALSE(scatter.determined(1));
+  EXPECT_EQ(half_width(scatter, 1, 0.9), kInfinity);
+  // With one part there is nothing to compare.
+  const EstimateScatter one = scatter_of(Vec2(0.4, 0.5), sum_of(parts), {parts[0]}, 0.1);
+  EXPECT_EQ(one.parts, 1U);
+  EXPECT_TRUE(one.covariance.isZero(0));
+}
+
+TEST(EstimateScatter, PriorsNarrow) {
+  const auto parts = opposed_parts(Vec2(2, 5), 0.6);
+  const PriorTerm prior{Vec2::Zero(), Vec2(1000, 0).asDiagonal(), MatX::Zero(2, 2)};
+  QuadraticModel model = sum_of(parts);
+  const EstimateScatter free = scatter_of(Vec2(0.4, 0.5), model, parts, 0.1);
+  model.hessian += prior.hessian;
+  const EstimateScatter tied = scatter_of(Vec2(0.4, 0.5), model, parts, 0.1, prior);
+  EXPECT_LT(half_width(tied, 0, 0.9), 0.1 * half_width(free, 0, 0.9));
+  EXPECT_NEAR(half_width(tied, 1, 0.9), half_width(free, 1, 0.9), 1e-12);
+}
+
+TEST(EstimateScatter, CorrelationOfWhatHasNoVarianceIsNotANumber) {
+  MatX covariance = MatX::Zero(3, 3);
+  covariance.topLeftCorner(2, 2) << 4, -3, -3, 9;
+  const MatX correlation = correlation_of(covariance);
+  EXPECT_EQ(correlation(0, 0), 1);
+  EXPECT_EQ(correlation(0, 1), -0.5);
+  EXPECT_TRUE(std::isnan(correlation(0, 2)) && std::isnan(correlation(2, 2)));
+}
+
+TEST(EstimateScatter, IntervalIsInTheParametersUnit) {
+  const ParameterInfo info{"x", "N/m", 1, 100, 10, Scale::logarithmic, "", ""};
+  const ParameterInterval interval = interval_about(info, 0.5, 0.25);
+  EXPECT_NEAR(interval.value, 10, 1e-12);
+  EXPECT_NEAR(interval.lower, std::sqrt(10.0), 1e-12);
+  EXPECT_NEAR(interval.upper, 10 * std::sqrt(10.0), 1e-11);
+  EXPECT_FALSE(interval.at_lower || interval.at_upper);
+  EXPECT_TRUE(interval_about(info, 1, 0.25).at_upper);
+}
+
+}  // namespace
+}  // namespace weft
