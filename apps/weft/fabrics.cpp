@@ -1,11 +1,11 @@
 #include <fmt/core.h>
 
-#include <charconv>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "commands.h"
 #include "weft/base/error.h"
+#include "weft/base/number_text.h"
 #include "weft/fabric/fabric.h"
 #include "weft/fabric/orthotropic.h"
 
@@ -22,15 +22,14 @@ struct Arguments {
 /// "bend_stiffness=3" multiplies that value. The result must stay inside the parameter's range.
 void apply_scale(Fabric& fabric, const std::string& text) {
   const std::size_t sign = text.find('=');
-  double factor = 0;
-  const char* begin = text.c_str() + (sign == std::string::npos ? text.size() : sign + 1);
-  const auto [end, status] = std::from_chars(begin, text.c_str() + text.size(), factor);
-  if (status != std::errc() || *end != '\0') {
+  const auto factor = sign == std::string::npos
+                          ? std::nullopt
+                          : number_of<double>(std::string_view(text).substr(sign + 1));
+  if (!factor)
     throw Error(fmt::format("--scale {}: give NAME=FACTOR, such as bend_stiffness=3", text));
-  }
   const std::string parameter = text.substr(0, sign);
-  fabric.set(parameter, factor * fabric.value(parameter));
-  fabric.provenance += fmt::format("; {} times {:g}", parameter, factor);
+  fabric.set(parameter, *factor * fabric.value(parameter));
+  fabric.provenance += fmt::format("; {} times {:g}", parameter, *factor);
 }
 
 void print_parameters(std::string_view model) {

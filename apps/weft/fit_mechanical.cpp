@@ -8,7 +8,6 @@
 #include "report_of_mechanical.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
-#include "weft/base/parallel.h"
 #include "weft/base/progress.h"
 #include "weft/base/random.h"
 #include "weft/base/text_file.h"
@@ -76,26 +75,10 @@ double initial_value(const Fabric& start, std::string_view name) {
   return start.value(name);
 }
 
-/// Not free and at no bound until the intervals say so.
-ReportParameter held_parameter(const ParameterInfo& info, const MechanicalFitResult& fit) {
-  ReportParameter p = report_parameter(info, fit.fabric, nullptr);
-  p.initial = initial_value(fit.start, info.name);
-  p.free = false;
-  p.at_bound = ReportParameter::Bound::none;
-  return p;
-}
-
 Report make_report(const MechanicalFitArguments& arguments, const std::vector<std::string>& free,
-                   const MechanicalFitResult& fit, const std::string& names) {
-  Report report;
-  report.title = fmt::format("Fit of {}", names);
-  report.fabric = fit.fabric.name;
-  report.model = fit.fabric.model;
-  report.program_version = WEFT_VERSION;
-  report.command = command_line();
-  report.created = now();
+                   const MechanicalFitResult& fit, const std::vector<std::string>& names) {
+  Report report = report_of_rest(fit.fabric, names, arguments.seed, arguments.threads);
   report.method = "least squares on forces and shapes at equilibrium";
-  report.seed = arguments.seed;
   report.stopped = fit.end == LeastSquaresEnd::stopped;
   report.error_initial = fit.cost_start;
   report.error = fit.cost;
@@ -103,25 +86,19 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
       "mean of squared differences of force components and coordinates, each divided by its noise";
   report.evaluations = fit.evaluations;
   report.wall_s = fit.wall_s;
-  report.threads = arguments.threads ? arguments.threads : hardware_threads();
   report.settings = {{"residuals", arguments.residuals},
                      {"force noise (N)", arguments.force_noise},
                      {"point noise (m)", arguments.point_noise},
                      {"cells", static_cast<std::int64_t>(arguments.options.cells)},
                      {"intervals", fit.mesh_shift.size() > 0 ? "noise and mesh" : "noise"},
                      {"start", arguments.start}};
-  for (int i = 0; i < fit.fabric.values.size(); ++i)
-    report.parameters.push_back(held_parameter(fit.fabric.info(i), fit));
-  for (ReportParameter& p : report.parameters) {
+  for (int i = 0; i < fit.fabric.values.size(); ++i) {
+    const ParameterInfo info = fit.fabric.info(i);
+    ReportParameter p = held_parameter(info, fit.fabric, initial_value(fit.start, info.name));
     p.free = std::find(free.begin(), free.end(), p.name) != free.end();
-    for (const ParameterInterval& interval : fit.intervals) {
-      if (interval.name != p.name) continue;
-      p.determined = interval.determined;
-      p.interval_lower = interval.lower;
-      p.interval_upper = interval.upper;
-      if (interval.at_lower) p.at_bound = ReportParameter::Bound::lower;
-      if (interval.at_upper) p.at_bound = ReportParameter::Bound::upper;
-    }
+    for (const ParameterInterval& interval : fit.intervals)
+      if (interval.name == p.name) add_interval(interval, 1, p);
+    report.parameters.push_back(p);
   }
   for (const MechanicalFitStep& step : fit.history) {
     report.history.push_back({step.evaluation, "least squares", step.cost, step.best, 0});
@@ -131,11 +108,7 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
     report.remarks.push_back(
         "On cells of half the width some frame has no equilibrium, or they would be more than may "
         "be: the intervals leave out what the width of the cells does.");
-  if (fit.inexact > 0)
-    report.remarks.push_back(
-        fmt::format("In {} frames the shape is at the limit of stability: the intervals rest on "
-                    "derivatives that are not exact there.",
-                    fit.inexact));
+  add_inexact_remark(fit.inexact, "frames", report);
   return report;
 }
 
@@ -256,8 +229,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   std::vector<MechanicalEvaluation> evaluations;
   for (std::size_t i = 0; i < trials.size(); ++i)
     evaluations.push_back(compare_mechanical(*trials[i], frames[i]));
-  const Report report =
-      make_report(arguments, found.free, fit, fmt::format("{}", fmt::join(names, ", ")));
+  const Report report = make_report(arguments, found.free, fit, names);
   write_text(out / "result.json", result_text(report, captures, evaluations, found));
   write_report_html(out / "report.html", report, {},
                     report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,

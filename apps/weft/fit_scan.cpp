@@ -10,7 +10,6 @@
 #include "scan.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
-#include "weft/base/parallel.h"
 #include "weft/base/progress.h"
 #include "weft/base/text_file.h"
 #include "weft/fabric/orthotropic.h"
@@ -43,21 +42,12 @@ std::vector<ReportParameter> report_parameters(const ScanProblem& problem,
                                                const ScanFitResult& fit) {
   std::vector<ReportParameter> list;
   for (int i = 0; i < fit.fabric.values.size(); ++i) {
-    ReportParameter p = report_parameter(fit.fabric.info(i), fit.fabric, nullptr);
-    p.initial = fit.start.values[i];
-    p.free = false;
-    p.at_bound = ReportParameter::Bound::none;
+    ReportParameter p = held_parameter(fit.fabric.info(i), fit.fabric, fit.start.values[i]);
     for (std::size_t k = 0; k < problem.parameters().size(); ++k) {
       for (const auto& [index, factor] : problem.parameters()[k].values) {
         if (index != i) continue;
         p.free = true;
-        if (fit.intervals.empty()) continue;
-        const ParameterInterval& interval = fit.intervals[k];
-        p.determined = interval.determined;
-        p.interval_lower = factor * interval.lower;
-        p.interval_upper = factor * interval.upper;
-        if (interval.at_lower) p.at_bound = ReportParameter::Bound::lower;
-        if (interval.at_upper) p.at_bound = ReportParameter::Bound::upper;
+        if (!fit.intervals.empty()) add_interval(fit.intervals[k], factor, p);
       }
     }
     list.push_back(p);
@@ -66,16 +56,9 @@ std::vector<ReportParameter> report_parameters(const ScanProblem& problem,
 }
 
 Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem,
-                   const ScanFitResult& fit, const std::string& names) {
-  Report report;
-  report.title = fmt::format("Fit of {}", names);
-  report.fabric = fit.fabric.name;
-  report.model = fit.fabric.model;
-  report.program_version = WEFT_VERSION;
-  report.command = command_line();
-  report.created = now();
+                   const ScanFitResult& fit, const std::vector<std::string>& names) {
+  Report report = report_of_rest(fit.fabric, names, arguments.seed, arguments.threads);
   report.method = "least squares on shapes and forces at equilibrium";
-  report.seed = arguments.seed;
   report.stopped = fit.stopped;
   report.error_initial = fit.cost_start;
   report.error = fit.cost;
@@ -83,7 +66,6 @@ Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem
       "mean of squared differences of descriptor entries and forces, each divided by its noise";
   report.evaluations = fit.evaluations;
   report.wall_s = fit.wall_s;
-  report.threads = arguments.threads ? arguments.threads : hardware_threads();
   report.settings = {{"descriptor", std::string(name_of(arguments.options.descriptor))},
                      {"solver", std::string(problem.solver().name())},
                      {"cells", static_cast<std::int64_t>(arguments.options.cells)},
@@ -95,11 +77,7 @@ Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem
     report.history.push_back({step.evaluation, step.phase, step.cost, step.best, 0});
     if (!std::isfinite(step.cost)) ++report.diverged;
   }
-  if (fit.inexact > 0)
-    report.remarks.push_back(
-        fmt::format("In {} targets the shape is at the limit of stability: the intervals rest on "
-                    "derivatives that are not exact there.",
-                    fit.inexact));
+  add_inexact_remark(fit.inexact, "targets", report);
   return report;
 }
 
@@ -236,8 +214,7 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   std::vector<ScanDifference> differences;
   for (std::size_t i = 0; i < trials.size(); ++i)
     differences.push_back(compare_scan(*trials[i], simulations[i]));
-  const Report report =
-      make_report(arguments, problem, fit, fmt::format("{}", fmt::join(names, ", ")));
+  const Report report = make_report(arguments, problem, fit, names);
   write_text(out / "result.json", result_text(report, fit, trials, differences));
   write_report_html(out / "report.html", report, {},
                     report_of_scan(captures, trials, simulations, differences));

@@ -67,15 +67,6 @@ const std::vector<std::string>& MechanicalArguments::names() {
   return names;
 }
 
-void refuse_options(const CLI::App& command, const std::vector<std::string>& names,
-                    const std::string& kind) {
-  for (const std::string& name : names) {
-    const CLI::Option* option = command.get_option_no_throw(name);
-    if (option && option->count() > 0)
-      throw Error(fmt::format("{}: means nothing for {}", name, kind));
-  }
-}
-
 const std::vector<std::string>& video_option_names() {
   static const std::vector<std::string> names{"--grid",  "--steps-per-frame", "--integrator",
                                               "--alpha", "--fold-threshold",  "--cache"};

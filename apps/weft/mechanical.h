@@ -24,10 +24,6 @@ class MechanicalArguments {
   int cells_ = MechanicalOptions().cells;
 };
 
-/// Throws Error for options of `command` that were given though they do not apply to the captures:
-/// `names` as "--grid", `kind` as "a mechanical capture".
-void refuse_options(const CLI::App& command, const std::vector<std::string>& names,
-                    const std::string& kind);
 /// Options of TrialArguments that only mean something for videos.
 const std::vector<std::string>& video_option_names();
 

@@ -2,16 +2,14 @@
 
 #include <fmt/core.h>
 
-#include <charconv>
-#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
 #include <limits>
-#include <system_error>
 
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
+#include "weft/base/number_text.h"
 #include "weft/base/progress.h"
 
 namespace weft::app {
@@ -129,13 +127,26 @@ void check_output_file(const std::filesystem::path& path) {
   if (!existed) std::filesystem::remove(path, ignored);
 }
 
+void refuse_options(const CLI::App& command, const std::vector<std::string>& names,
+                    const std::string& kind) {
+  for (const std::string& name : names) {
+    const CLI::Option* option = command.get_option_no_throw(name);
+    if (option && option->count() > 0)
+      throw Error(fmt::format("{}: means nothing for {}", name, kind));
+  }
+}
+
+void refuse_without(const CLI::App& command, const std::string& needed,
+                    const std::vector<std::string>& names) {
+  if (command.count(needed) > 0) return;
+  for (const std::string& name : names)
+    if (command.count(name) > 0) throw Error(fmt::format("{}: only with {}", name, needed));
+}
+
 CLI::Validator number_in(double lower, double upper) {
   const auto check = [lower, upper](std::string& text) -> std::string {
-    double value = 0;
-    const char* end = text.data() + text.size();
-    const auto [stop, failure] = std::from_chars(text.data(), end, value);
-    const bool number = failure == std::errc() && stop == end;
-    if (number && value >= lower && value <= upper) return {};
+    const auto value = number_of<double>(text);
+    if (value && *value >= lower && *value <= upper) return {};
     return fmt::format("Value {} not in range {:g} to {:g}", text, lower, upper);
   };
   return {check, fmt::format("FLOAT in [{:g} - {:g}]", lower, upper)};
@@ -143,10 +154,7 @@ CLI::Validator number_in(double lower, double upper) {
 
 CLI::Validator unsigned_integer() {
   const auto check = [](std::string& text) -> std::string {
-    std::uint64_t value = 0;
-    const char* end = text.data() + text.size();
-    const auto [stop, failure] = std::from_chars(text.data(), end, value);
-    if (failure == std::errc() && stop == end) return {};
+    if (number_of<std::uint64_t>(text)) return {};
     return fmt::format("{} is not an integer from 0 to {}", text,
                        std::numeric_limits<std::uint64_t>::max());
   };
@@ -176,23 +184,11 @@ std::function<bool(std::size_t, std::size_t)> progress_observer(const std::strin
 
 std::vector<double> numbers_in(const std::string& option, const std::string& text, char separator,
                                std::size_t count) {
-  std::vector<double> numbers;
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  while (true) {
-    double value = 0;
-    const auto [next, status] = std::from_chars(at, end, value);
-    if (status != std::errc() || !std::isfinite(value)) break;
-    numbers.push_back(value);
-    at = next;
-    if (at == end || *at != separator) break;
-    ++at;
-  }
-  if (at != end || numbers.size() != count) {
+  const auto numbers = numbers_of(text, separator);
+  if (!numbers || numbers->size() != count)
     throw Error(fmt::format("{} \"{}\": expected {} numbers with \"{}\" between", option, text,
                             count, separator));
-  }
-  return numbers;
+  return *numbers;
 }
 
 }  // namespace weft::app

@@ -53,6 +53,14 @@ void check_output_file(const std::filesystem::path& path);
 std::vector<double> numbers_in(const std::string& option, const std::string& text, char separator,
                                std::size_t count);
 
+/// Throws Error for options of `command` that were given though they do not apply to the captures:
+/// `names` as "--grid", `kind` as "a mechanical capture".
+void refuse_options(const CLI::App& command, const std::vector<std::string>& names,
+                    const std::string& kind);
+/// Throws Error for those of `names` that were given without `needed`, "--rig".
+void refuse_without(const CLI::App& command, const std::string& needed,
+                    const std::vector<std::string>& names);
+
 /// Accepts a number from `lower` to `upper`; CLI::Range lets NaN pass.
 CLI::Validator number_in(double lower, double upper);
 

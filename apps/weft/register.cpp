@@ -419,8 +419,7 @@ void add_register(CLI::App& app) {
   command->add_flag("--json", arguments->json, "print JSON");
   command->footer("Example:\n  weft register scan.ply --swatch 0.5x0.5 --out registered");
   command->callback([arguments, command] {
-    if (arguments->held.empty() && command->count("--gravity") > 0)
-      throw Error("--gravity: only with --held");
+    refuse_without(*command, "--held", {"--gravity"});
     run(*arguments);
   });
 }

@@ -1,8 +1,12 @@
 #include "report_of_fit.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 
+#include "command_line.h"
 #include "weft/base/error.h"
+#include "weft/base/parallel.h"
 #include "weft/report/result.h"
 
 namespace weft::app {
@@ -73,6 +77,44 @@ ReportParameter report_parameter(const ParameterInfo& info, const Fabric& fabric
   }
   p.at_bound = bound_of(info, p.value);
   return p;
+}
+
+Report report_of_rest(const Fabric& fabric, const std::vector<std::string>& captures,
+                      std::uint64_t seed, int threads) {
+  Report report;
+  report.title = fmt::format("Fit of {}", fmt::join(captures, ", "));
+  report.fabric = fabric.name;
+  report.model = fabric.model;
+  report.program_version = WEFT_VERSION;
+  report.command = command_line();
+  report.created = now();
+  report.seed = seed;
+  report.threads = threads ? threads : hardware_threads();
+  return report;
+}
+
+ReportParameter held_parameter(const ParameterInfo& info, const Fabric& fabric, double initial) {
+  ReportParameter p = report_parameter(info, fabric, nullptr);
+  p.initial = initial;
+  p.free = false;
+  p.at_bound = ReportParameter::Bound::none;
+  return p;
+}
+
+void add_interval(const ParameterInterval& interval, double factor, ReportParameter& parameter) {
+  parameter.determined = interval.determined;
+  parameter.interval_lower = factor * interval.lower;
+  parameter.interval_upper = factor * interval.upper;
+  if (interval.at_lower) parameter.at_bound = ReportParameter::Bound::lower;
+  if (interval.at_upper) parameter.at_bound = ReportParameter::Bound::upper;
+}
+
+void add_inexact_remark(int count, const std::string& of_what, Report& report) {
+  if (count <= 0) return;
+  report.remarks.push_back(
+      fmt::format("In {} {} the shape is at the limit of stability: the intervals rest on "
+                  "derivatives that are not exact there.",
+                  count, of_what));
 }
 
 ReportPerturbation report_perturbation(const PerturbationCurve& curve) {

@@ -8,6 +8,7 @@
 #include "options.h"
 #include "weft/estimate/evaluate_capture.h"
 #include "weft/estimate/fit.h"
+#include "weft/estimate/uncertainty.h"
 #include "weft/report/pictures.h"
 #include "weft/report/report.h"
 
@@ -22,6 +23,16 @@ Report report_of_fit(const Problem& problem, const FitResult& fit,
 ReportParameter report_parameter(const ParameterInfo& info, const Fabric& fabric,
                                  const PerturbationCurve* curve);
 ReportPerturbation report_perturbation(const PerturbationCurve& curve);
+
+/// Title, fabric and how it was made, of a fit to captures at rest.
+Report report_of_rest(const Fabric& fabric, const std::vector<std::string>& captures,
+                      std::uint64_t seed, int threads);
+/// A value that is not searched: neither free nor at a bound.
+ReportParameter held_parameter(const ParameterInfo& info, const Fabric& fabric, double initial);
+/// Interval and bounds of a parameter that is `factor` times what was searched.
+void add_interval(const ParameterInterval& interval, double factor, ReportParameter& parameter);
+/// Of `count` "frames" or "targets" whose derivatives are not exact; nothing for none.
+void add_inexact_remark(int count, const std::string& of_what, Report& report);
 
 /// Measured and simulated frames and their angle maps, for the report's slider. Reads the video.
 CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory);

@@ -5,7 +5,6 @@
 #include <string>
 
 #include "commands.h"
-#include "mechanical.h"
 #include "options.h"
 #include "synthesize_rig.h"
 #include "synthesize_scan.h"
@@ -49,9 +48,7 @@ void run_rig(const Arguments& arguments, const CLI::App& command) {
 void run_scan(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoOptions, "--scan");
   refuse_options(command, RigArguments::names(), "--scan");
-  for (const char* name : {"--points", "--outliers", "--hole"})
-    if (command.count("--clouds") == 0 && command.count(name) > 0)
-      throw Error(fmt::format("{}: only with --clouds", name));
+  refuse_without(command, "--clouds", {"--points", "--outliers", "--hole"});
   arguments.scan.run(fabric_with_density(arguments, command), arguments.out,
                      arguments.options.with_noise, arguments.options.seed,
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
@@ -121,10 +118,8 @@ void add_synthesize(CLI::App& app) {
       run_rig(*arguments, *command);
       return;
     }
-    for (const std::string& name : RigArguments::names())
-      if (command->count(name) > 0) throw Error(name + ": only with --rig");
-    for (const std::string& name : SynthesizeScanArguments::names())
-      if (command->count(name) > 0) throw Error(name + ": only with --scan");
+    refuse_without(*command, "--rig", RigArguments::names());
+    refuse_without(*command, "--scan", SynthesizeScanArguments::names());
     run(*arguments);
   });
 }

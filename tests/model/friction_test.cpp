@@ -75,8 +75,7 @@ Fabric rough(const std::string& model) {
     fabric.set(component + "_friction_scale", scale);
   };
   if (model == "stvk") {
-    fabric.values.head(4) = Eigen::Vector4d(40, 15, 25, 12);
-    fabric.values.segment(4, 4) = 1e-4 * Eigen::Vector4d(40, 15, 25, 12);
+    fabric.values.head(8) << 40, 15, 25, 12, 40e-4, 15e-4, 25e-4, 12e-4;
   } else {
     fabric.values.head(6) << 40, 25, 12, 4e-3, 2e-3, 3e-3;
   }

@@ -41,4 +41,17 @@ struct PlotPlacer {
                             std::string_view caption, std::string_view along);
 };
 
+/// Small plots side by side, one of each of `items`.
+template <typename Item>
+std::string small_figures(const std::vector<Item>& items, LinePlot (*plot_of)(const Item&),
+                          PlotPlacer& place) {
+  std::string html = "<div class=\"figures small\">\n";
+  for (const Item& item : items) {
+    LinePlot plot = plot_of(item);
+    plot.width = kSmallPlotWidth;
+    html += place(plot, "");
+  }
+  return html + "</div>\n";
+}
+
 }  // namespace weft::detail

@@ -87,14 +87,8 @@ std::string match_of(const ReportMechanical& c, PlotPlacer& place) {
     html +=
         "<h4>Strains that occur</h4>\n<p class=\"minor\">By area, over all frames; the outermost "
         "0.5 % on either side are left out. A parameter whose strain does not occur is not "
-        "determined by this test.</p>\n<div class=\"figures small\">\n";
-    for (const ReportHistogram& histogram : c.strains) {
-      LinePlot plot = strain_plot(histogram);
-      plot.width = kSmallPlotWidth;
-      plot.height = 220;
-      html += place(plot, "");
-    }
-    html += "</div>\n";
+        "determined by this test.</p>\n";
+    html += small_figures(c.strains, strain_plot, place);
   }
   return html + "</div>\n";
 }
@@ -136,17 +130,9 @@ std::string mechanical_match_section(const MechanicalReport& report, std::string
 
 std::string response_figures(const MechanicalReport& report, PlotPlacer& place) {
   if (report.responses.empty()) return "";
-  std::string html =
-      "<h3>The fabric's curves</h3>\n<p class=\"minor\">Of a homogeneous sheet, the other strains "
-      "held at zero, over the strains that occur. Bands: 90 % intervals.</p>\n"
-      "<div class=\"figures small\">\n";
-  for (const ReportResponse& response : report.responses) {
-    LinePlot plot = response_plot(response);
-    plot.width = kSmallPlotWidth;
-    plot.height = 260;
-    html += place(plot, "");
-  }
-  return html + "</div>\n";
+  return "<h3>The fabric's curves</h3>\n<p class=\"minor\">Of a homogeneous sheet, the other "
+         "strains held at zero, over the strains that occur. Bands: 90 % intervals.</p>\n" +
+         small_figures(report.responses, response_plot, place);
 }
 
 }  // namespace weft::detail

@@ -156,6 +156,7 @@ LinePlot shape_distance_plot(const ReportMechanical& capture) {
 LinePlot strain_plot(const ReportHistogram& histogram) {
   LinePlot plot;
   plot.title = histogram.name;
+  plot.height = 220;
   plot.x = histogram.unit.empty() ? axis("strain", "%") : axis("curvature", histogram.unit);
   plot.y = axis("share of the area", "%");
   plot.y.from_zero = true;
@@ -178,6 +179,7 @@ LinePlot strain_plot(const ReportHistogram& histogram) {
 LinePlot response_plot(const ReportResponse& response) {
   LinePlot plot;
   plot.title = response.name;
+  plot.height = 260;
   const bool bend = !response.strain_unit.empty();
   plot.x = bend ? axis("curvature", response.strain_unit) : axis("strain", "%");
   plot.y = axis(bend ? "moment per width" : "force per width", response.stress_unit);

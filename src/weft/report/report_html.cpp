@@ -16,10 +16,8 @@
 #include "weft/report/report_assets.h"
 #include "weft/report/text.h"
 
-namespace weft {
+namespace weft::detail {
 namespace {
-
-using namespace detail;
 
 std::string in_words(std::string name) {
   std::ranges::replace(name, '_', ' ');
@@ -522,14 +520,8 @@ std::string sure_section(const Report& report, const MechanicalReport& mechanica
     html +=
         "<h3>Perturbation of each parameter</h3>\n<p class=\"minor\">One parameter changed at a "
         "time "
-        "about the estimate; the quadratic gives the variability.</p>\n"
-        "<div class=\"figures small\">\n";
-    for (const ReportPerturbation& perturbation : report.perturbations) {
-      LinePlot plot = perturbation_plot(perturbation);
-      plot.width = kSmallPlotWidth;
-      html += place(plot, "");
-    }
-    html += "</div>\n";
+        "about the estimate; the quadratic gives the variability.</p>\n";
+    html += small_figures(report.perturbations, perturbation_plot, place);
   }
   return html + "</section>\n";
 }
@@ -630,10 +622,8 @@ std::string navigation(const std::string& body) {
   return html + "</nav>\n";
 }
 
-}  // namespace
-
-std::string report_to_html(const Report& report, const std::vector<CapturePictures>& pictures,
-                           const MechanicalReport& mechanical) {
+std::string page(const Report& report, const std::vector<CapturePictures>& pictures,
+                 const MechanicalReport& mechanical) {
   PlotPlacer place;
   const bool videos = !report.captures.empty();
   std::string body =
@@ -656,6 +646,16 @@ std::string report_to_html(const Report& report, const std::vector<CapturePictur
       "</body>\n</html>\n",
       escaped(report.program_version), escaped(report.title), report_css, head(report),
       navigation(body), body, report_js);
+}
+
+}  // namespace
+}  // namespace weft::detail
+
+namespace weft {
+
+std::string report_to_html(const Report& report, const std::vector<CapturePictures>& pictures,
+                           const MechanicalReport& mechanical) {
+  return detail::page(report, pictures, mechanical);
 }
 
 void write_report_html(const std::filesystem::path& path, const Report& report,
