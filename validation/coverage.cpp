@@ -23,6 +23,7 @@
 #include <sstream>
 #include <string>
 
+#include "program.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
@@ -292,10 +293,5 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return run(argc, argv);
-  } catch (const weft::Error& error) {
-    fmt::print(stderr, "weft_validate_coverage: {}\n", error.what());
-    return 2;
-  }
+  return weft::validation::run_program("weft_validate_coverage", [&] { return run(argc, argv); });
 }

@@ -15,6 +15,7 @@
 #include <set>
 #include <string>
 
+#include "program.h"
 #include "weft/base/error.h"
 #include "weft/capture/capture.h"
 #include "weft/report/figures.h"
@@ -111,10 +112,5 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return run(argc, argv);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "weft_validate_distance: {}\n", error.what());
-    return 2;
-  }
+  return weft::validation::run_program("weft_validate_distance", [&] { return run(argc, argv); });
 }

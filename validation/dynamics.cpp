@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "program.h"
 #include "study.h"
 
 namespace {
@@ -42,7 +43,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ);  // a line as soon as it is there
-  try {
+  return run_program("weft_validate_dynamics", [&] {
     const std::filesystem::path out = argv[1];
     std::filesystem::create_directories(out);
     Findings findings;
@@ -52,8 +53,6 @@ int main(int argc, char** argv) {
     study_mesh(out, findings);
     if (argc == 3) study_parting(out, argv[2], findings);
     print_table(findings);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "weft_validate_dynamics: %s\n", error.what());
-    return 2;
-  }
+    return 0;
+  });
 }

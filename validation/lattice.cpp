@@ -45,6 +45,7 @@
 #include <string>
 #include <vector>
 
+#include "program.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/base/toml_reader.h"
@@ -487,10 +488,5 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return run(argc, argv);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "weft_validate_lattice: {}\n", error.what());
-    return 2;
-  }
+  return weft::validation::run_program("weft_validate_lattice", [&] { return run(argc, argv); });
 }

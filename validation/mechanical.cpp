@@ -13,20 +13,19 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <span>
 #include <string>
-#include <string_view>
-#include <utility>
 #include <vector>
 
+#include "program.h"
+#include "thread_models.h"
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
 #include "weft/estimate/curve_fit.h"
 #include "weft/estimate/mechanical_fit.h"
 
-namespace weft {
+namespace weft::validation {
 namespace {
 
 struct Truth {
@@ -38,13 +37,6 @@ constexpr Truth kTruth[] = {
     {"bending", "D11", "bend_uu"},      {"bending", "D12", "bend_uv"},
     {"bending", "D22", "bend_vv"},      {"bending", "D66", "bend_twist"},
 };
-/// What models of separate threads start from, of the truth.
-constexpr std::pair<std::string_view, std::string_view> kThreads[] = {
-    {"weft_stretch", "membrane_uu"}, {"warp_stretch", "membrane_vv"},
-    {"shear", "membrane_shear"},     {"weft_bend", "bend_uu"},
-    {"warp_bend", "bend_vv"},        {"diagonal_bend", "bend_twist"}};
-/// Of springs, whose bends mean nothing on another mesh and resist stretch, N/m.
-constexpr double kSpringBend = 1e-3;
 constexpr const char* kIsolatedTests[] = {"stretch_u", "stretch_v", "shear", "bend_u", "bend_v"};
 constexpr int kTestsInPlane = 3;  // the first ones
 constexpr const char* kFittedStrips[] = {"strip_00", "strip_45", "strip_90"};
@@ -210,26 +202,21 @@ void strip_fit(const Arguments& arguments, const std::string& fabric) {
 }
 
 /// Linear and with curves, each model fitted to the tests that isolate a strain, from values five
-/// times too large: what it leaves. Springs in the plane only, with next to no bends.
+/// times too large: what it leaves.
 void other_models(const Arguments& arguments, const std::string& name) {
   std::vector<std::shared_ptr<const MechanicalTrial>> all;
   for (const char* test : kIsolatedTests)
     all.push_back(trial_of(arguments, name, test, arguments.options));
   const Fabric truth = true_fabric(all.front()->capture);
   for (const char* model : {"stvk-diagonal", "soft-constraints", "springs"}) {
-    Fabric start = Fabric::with_defaults(name, model);
-    const bool in_plane = start.model == "springs";
-    const auto trials = in_plane ? std::vector(all.begin(), all.begin() + kTestsInPlane) : all;
-    std::vector<std::string> rows;
-    for (const auto& [row, of_truth] : kThreads) {
-      const bool left_out = in_plane && row.ends_with("bend");
-      start.set(row, left_out ? kSpringBend : 5 * truth.value(of_truth));
-      if (!left_out) rows.emplace_back(row);
-    }
+    const Fabric start = thread_fabric(
+        name, model, [&](const ThreadParameter& p) { return 5 * truth.value(p.of_stvk); });
+    const auto trials =
+        in_plane_only(model) ? std::vector(all.begin(), all.begin() + kTestsInPlane) : all;
     for (const CurveShape shape : {CurveShape::linear, CurveShape::subdivided}) {
       CurveFitOptions options;
       options.shape = shape;
-      const CurveFitResult found = fit_curves(trials, start, rows, options);
+      const CurveFitResult found = fit_curves(trials, start, searched_parameters(model), options);
       fmt::print("\n{}: {}, {}: error {:.4g}, {} evaluations, {:.0f} s\n", name, model,
                  shape == CurveShape::linear ? "constants" : "curves", found.fit.cost,
                  found.fit.evaluations, found.fit.wall_s);
@@ -278,14 +265,11 @@ void run(const Arguments& arguments) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::validation
 
 int main(int argc, char** argv) {
-  try {
-    weft::run(weft::parse(argc, argv));
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
-  return 0;
+  return weft::validation::run_program("weft_validate_mechanical", [&] {
+    weft::validation::run(weft::validation::parse(argc, argv));
+    return 0;
+  });
 }

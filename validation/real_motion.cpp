@@ -14,6 +14,7 @@
 #include <fstream>
 #include <limits>
 
+#include "program.h"
 #include "weft/base/error.h"
 
 namespace weft::validation {
@@ -155,10 +156,6 @@ int run(int argc, char** argv) {
 }  // namespace weft::validation
 
 int main(int argc, char** argv) {
-  try {
-    return weft::validation::run(argc, argv);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "weft_validate_real_motion: {}\n", error.what());
-    return 2;
-  }
+  return weft::validation::run_program("weft_validate_real_motion",
+                                       [&] { return weft::validation::run(argc, argv); });
 }

@@ -17,11 +17,12 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
-#include <sstream>
 #include <string>
 #include <vector>
 
+#include "program.h"
 #include "weft/base/error.h"
+#include "weft/base/number_text.h"
 #include "weft/base/random.h"
 #include "weft/capture/capture.h"
 #include "weft/mesh/mesh_io.h"
@@ -80,52 +81,35 @@ Scan cloud_of(const TriangleMesh& mesh, const MaterialLocator& locator, const Po
   return scan;
 }
 
-void validate_truth(const fs::path& out, const std::vector<std::string>& words) {
-  std::ofstream table(out / "truth.csv");
-  table
-      << "capture,frame,same_point_mean_m,same_point_max_m,off_surface_mean_m,inliers,strain_rms\n";
-  const int most = std::stoi(words.at(0));
-  for (const std::string& folder : std::vector(words.begin() + 1, words.end())) {
-    const Capture capture = read_capture(folder);
-    const TruthSurface truth = read_truth(capture);
-    const MaterialLocator locator(truth.mesh);
-    const GridTemplate grid = make_grid_template(capture.width, capture.height, 41, 41);
-    Points x;
-    const int frames = std::min(capture.frame_count, most);
-    std::vector<double> means, offs;
-    double first = 0;
-    for (int frame = 0; frame < frames; ++frame) {
-      const Points& surface = truth.frames[static_cast<std::size_t>(frame)];
-      const Scan scan =
-          cloud_of(truth.mesh, locator, surface, grid, static_cast<std::uint64_t>(frame));
-      const ScanGeometry geometry = scan_geometry(scan);
-      ScanRegistration r;
-      if (frame == 0) {
-        r = register_scan(grid, scan, geometry,
-                          flat_starts(grid, scan, geometry, Vec3::UnitX(), -Vec3::UnitZ()));
-      } else {
-        r = register_scan(grid, scan, geometry, RegistrationStart{x, {}}, {},
-                          {.start_error = 0.03});
-      }
-      x = r.x;
-      const Points expected = interpolate(truth.mesh, locator, surface, grid.mesh.material);
-      const Points normals = vertex_normals(grid.mesh, expected);
-      const Points d = x - expected;
-      const double mean = d.colwise().norm().mean();
-      const double off = d.cwiseProduct(normals).colwise().sum().cwiseAbs().mean();
-      means.push_back(mean);
-      offs.push_back(off);
-      if (frame == 0) first = mean;
-      table << fmt::format("{},{},{:.6g},{:.6g},{:.6g},{},{:.4g}\n", capture.name, frame, mean,
-                           d.colwise().norm().maxCoeff(), off, r.inliers, r.strain_rms);
-    }
-    fmt::print(
-        "{}: {} frames, same (u, v): first {:.2f}, median {:.2f}, last {:.2f} mm; off the surface: "
-        "median {:.2f} mm\n",
-        capture.name, frames, 1e3 * first, 1e3 * quantile(means, 0.5), 1e3 * means.back(),
-        1e3 * quantile(offs, 0.5));
+/// The true surfaces of a capture, and the grid that is laid on them.
+class TrueSurfaces {
+ public:
+  explicit TrueSurfaces(const std::string& folder)
+      : capture(read_capture(folder)),
+        grid(make_grid_template(capture.width, capture.height, 41, 41)),
+        truth_(read_truth(capture)),
+        locator_(truth_.mesh) {}
+  TrueSurfaces(const TrueSurfaces&) = delete;
+  TrueSurfaces& operator=(const TrueSurfaces&) = delete;
+
+  Scan cloud(int frame) const {
+    return cloud_of(truth_.mesh, locator_, surface(frame), grid, static_cast<std::uint64_t>(frame));
   }
-}
+  /// Where the grid should lie.
+  Points expected(int frame) const {
+    return interpolate(truth_.mesh, locator_, surface(frame), grid.mesh.material);
+  }
+
+  const Capture capture;
+  const GridTemplate grid;
+
+ private:
+  const Points& surface(int frame) const {
+    return truth_.frames.at(static_cast<std::size_t>(frame));
+  }
+  const TruthSurface truth_;
+  const MaterialLocator locator_;
+};
 
 struct TruthError {
   double mean = 0, max = 0;  ///< m, at the same (u, v)
@@ -133,6 +117,47 @@ struct TruthError {
 TruthError error_of(const Points& x, const Points& expected) {
   const Points d = x - expected;
   return {d.colwise().norm().mean(), d.colwise().norm().maxCoeff()};
+}
+
+/// From the frame before, or without one from flat sheets.
+ScanRegistration register_next(const GridTemplate& grid, const Scan& scan, const Points* before) {
+  const ScanGeometry geometry = scan_geometry(scan);
+  if (before)
+    return register_scan(grid, scan, geometry, RegistrationStart{*before, {}}, {},
+                         {.start_error = 0.03});
+  return register_scan(grid, scan, geometry,
+                       flat_starts(grid, scan, geometry, Vec3::UnitX(), -Vec3::UnitZ()));
+}
+
+void validate_truth(const fs::path& out, const std::vector<std::string>& words) {
+  std::ofstream table(out / "truth.csv");
+  table
+      << "capture,frame,same_point_mean_m,same_point_max_m,off_surface_mean_m,inliers,strain_rms\n";
+  const int most = std::stoi(words.at(0));
+  for (const std::string& folder : std::vector(words.begin() + 1, words.end())) {
+    const TrueSurfaces truth(folder);
+    const std::string& name = truth.capture.name;
+    const int frames = std::min(truth.capture.frame_count, most);
+    Points x;
+    std::vector<double> means, offs;
+    for (int frame = 0; frame < frames; ++frame) {
+      const ScanRegistration r =
+          register_next(truth.grid, truth.cloud(frame), frame > 0 ? &x : nullptr);
+      x = r.x;
+      const Points expected = truth.expected(frame);
+      const Points normals = vertex_normals(truth.grid.mesh, expected);
+      const TruthError error = error_of(x, expected);
+      means.push_back(error.mean);
+      offs.push_back((x - expected).cwiseProduct(normals).colwise().sum().cwiseAbs().mean());
+      table << fmt::format("{},{},{:.6g},{:.6g},{:.6g},{},{:.4g}\n", name, frame, error.mean,
+                           error.max, offs.back(), r.inliers, r.strain_rms);
+    }
+    fmt::print(
+        "{}: {} frames, same (u, v): first {:.2f}, median {:.2f}, last {:.2f} mm; off the surface: "
+        "median {:.2f} mm\n",
+        name, frames, 1e3 * means.front(), 1e3 * quantile(means, 0.5), 1e3 * means.back(),
+        1e3 * quantile(offs, 0.5));
+  }
 }
 
 /// Root mean square of the strains of the cells, measured at their centres: along u, along v, and
@@ -165,17 +190,14 @@ void validate_hung(const fs::path& out, const std::vector<std::string>& words) {
   plot.y.unit = "mm";
   plot.y.from_zero = true;
   for (const std::string& folder : std::vector(words.begin() + 1, words.end())) {
-    const Capture capture = read_capture(folder);
-    const TruthSurface truth = read_truth(capture);
-    const MaterialLocator locator(truth.mesh);
-    const GridTemplate grid = make_grid_template(capture.width, capture.height, 41, 41);
+    const TrueSurfaces truth(folder);
+    const Capture& capture = truth.capture;
+    const GridTemplate& grid = truth.grid;
     PlotSeries series;
     series.name = capture.name;
     series.mark = PlotSeries::Mark::points;
-    const Points& surface = truth.frames.at(static_cast<std::size_t>(frame));
-    const Points expected = interpolate(truth.mesh, locator, surface, grid.mesh.material);
-    const Scan scan =
-        cloud_of(truth.mesh, locator, surface, grid, static_cast<std::uint64_t>(frame));
+    const Points expected = truth.expected(frame);
+    const Scan scan = truth.cloud(frame);
     const ScanGeometry geometry = scan_geometry(scan);
     std::vector<Landmark> held;
     for (const CaptureFixture& fixture : capture.fixtures)
@@ -373,11 +395,10 @@ void validate_video(const fs::path& out, const std::vector<std::string>& words) 
   const double side = std::stod(words.at(3));
   const GridTemplate grid = make_grid_template(side, side, 32, 32);
   const Points start = read_start(words.at(2), grid);
-  double fx = 0, fy = 0, cx = 0, cy = 0;
-  char comma = 0;
-  std::istringstream(words.at(5)) >> fx >> comma >> fy >> comma >> cx >> comma >> cy;
+  const auto camera = numbers_of(words.at(5), ',');
+  if (!camera || camera->size() != 4) throw Error("CAMERA: expected fx,fy,cx,cy");
   Projection projection;
-  projection << fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0;
+  projection << (*camera)[0], 0, (*camera)[2], 0, 0, (*camera)[1], (*camera)[3], 0, 0, 0, 1, 0;
   VideoStudy study(grid, read_frames(words.at(4), static_cast<int>(scans.size())),
                    Pinhole(projection, Vec3::UnitZ(), "camera"));
   const auto clouds = study.run(scans, start, false);
@@ -413,12 +434,9 @@ void validate_partial(const fs::path& out, const std::vector<std::string>& words
   const Vec3 u = Vec3(1, 0, -1).normalized(), v = Vec3(-1, 0, -1).normalized();
   std::vector<Landmark> held;
   if (words.size() > 3) {
-    std::istringstream numbers(words[3]);
-    Landmark corner;
-    char comma = 0;
-    numbers >> corner.position.x() >> comma >> corner.position.y() >> comma >> corner.position.z();
-    if (!numbers) throw Error("HELD: expected x,y,z");
-    held.push_back(corner);
+    const auto corner = numbers_of(words[3], ',');
+    if (!corner || corner->size() != 3) throw Error("HELD: expected x,y,z");
+    held.emplace_back().position = Eigen::Map<const Vec3>(corner->data());
   }
   constexpr std::size_t trial = 25;
   for (std::size_t k = trial - 1; k < scans.size(); k += trial) {
@@ -462,10 +480,6 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return run(argc, argv);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "{}\n", error.what());
-    return 1;
-  }
+  return weft::validation::run_program("weft_validate_registration",
+                                       [&] { return run(argc, argv); });
 }

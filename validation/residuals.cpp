@@ -22,6 +22,7 @@
 #include <numbers>
 #include <string>
 
+#include "program.h"
 #include "weft/base/error.h"
 #include "weft/estimate/least_squares.h"
 #include "weft/estimate/linearize_trial.h"
@@ -464,10 +465,5 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return run(argc, argv);
-  } catch (const weft::Error& error) {
-    fmt::print(stderr, "weft_validate_residuals: {}\n", error.what());
-    return 2;
-  }
+  return weft::validation::run_program("weft_validate_residuals", [&] { return run(argc, argv); });
 }

@@ -11,28 +11,24 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
-#include <exception>
 #include <filesystem>
 #include <string>
 #include <vector>
 
+#include "program.h"
+#include "thread_models.h"
 #include "weft/base/error.h"
 #include "weft/estimate/component_strains.h"
 #include "weft/estimate/curve_fit.h"
 #include "weft/estimate/mechanical_rig.h"
 
-namespace weft {
+namespace weft::validation {
 namespace {
 
-const std::vector<std::string> kRows{"weft_stretch", "warp_stretch", "shear",
-                                     "weft_bend",    "warp_bend",    "diagonal_bend"};
 constexpr double kOutliers = 0.02;
-/// Of springs, whose bends mean nothing on another mesh and resist stretch, N/m.
-constexpr double kSpringBend = 1e-3;
 
 struct Arguments {
   std::filesystem::path out;
@@ -84,13 +80,11 @@ std::shared_ptr<const MechanicalTrial> trial_of(const Arguments& arguments,
 
 bool is_bend(RigTest test) { return test == RigTest::weft_bend || test == RigTest::warp_bend; }
 
-/// A flat sheet of ring-2 springs has no bending stiffness, a bent one one that depends on the
-/// mesh, which is another one for each overhang: they are fitted in the plane only, with
-/// next to no bends.
 Trials fit_trials(const Arguments& arguments, const std::string& fabric, const std::string& model) {
   Trials trials;
   for (const RigTest test : rig_fit_tests())
-    if (model != "springs" || !is_bend(test)) trials.push_back(trial_of(arguments, fabric, test));
+    if (!in_plane_only(model) || !is_bend(test))
+      trials.push_back(trial_of(arguments, fabric, test));
   return trials;
 }
 
@@ -100,15 +94,10 @@ double middle(const StiffnessCurve& curve) {
 
 /// One number a component: the truth's at the middle of its knots, times the start's factor.
 Fabric wrong_fabric(const Fabric& truth, const std::string& model, const Start& start) {
-  Fabric fabric = Fabric::with_defaults(truth.name, model);
+  Fabric fabric = thread_fabric(truth.name, model, [&](const ThreadParameter& p) {
+    return middle(truth.curve(p.name)) * (p.bends() ? start.bend : start.membrane);
+  });
   fabric.areal_density = truth.areal_density;
-  for (const std::string& row : kRows) {
-    const bool bend = row.ends_with("bend");
-    if (bend && model == "springs")
-      fabric.set(row, kSpringBend);
-    else
-      fabric.set(row, middle(truth.curve(row)) * (bend ? start.bend : start.membrane));
-  }
   return fabric;
 }
 
@@ -116,9 +105,10 @@ Fabric wrong_fabric(const Fabric& truth, const std::string& model, const Start& 
 ComponentSample occurring(const Trials& trials,
                           const std::vector<std::vector<MechanicalFrame>>& frames,
                           const Fabric& truth, std::size_t row) {
-  if (row < 5) return component_strains(*trials[row], frames[row], truth, kRows[row]);
-  ComponentSample sample = component_strains(*trials[3], frames[3], truth, kRows[row]);
-  append(component_strains(*trials[4], frames[4], truth, kRows[row]), sample);
+  const std::string name(kThreadParameters[row].name);
+  if (row < 5) return component_strains(*trials[row], frames[row], truth, name);
+  ComponentSample sample = component_strains(*trials[3], frames[3], truth, name);
+  append(component_strains(*trials[4], frames[4], truth, name), sample);
   return sample;
 }
 
@@ -128,10 +118,11 @@ void compare_curves(const Arguments& arguments, const Trials& trials, const Fabr
       simulate_mechanical(trials, truth, MechanicalDerivatives::none, arguments.threads);
   fmt::print("  {:<14} {:>6} {:>22} {:>26} {:>8} {:>8} {:>8}  {}\n", "component", "points",
              "strains", "stiffness at the ends", "rms (%)", "max (%)", "stress", "band");
-  for (std::size_t i = 0; i < kRows.size(); ++i) {
+  for (std::size_t i = 0; i < std::size(kThreadParameters); ++i) {
+    const std::string row(kThreadParameters[i].name);
     const ComponentSample sample = occurring(trials, frames, truth, i);
     const StrainRange range = strain_range(sample, kOutliers);
-    const StiffnessCurve expected = truth.curve(kRows[i]), curve = found.fit.fabric.curve(kRows[i]);
+    const StiffnessCurve expected = truth.curve(row), curve = found.fit.fabric.curve(row);
     double squares = 0, area = 0, most = 0, stress = 0, largest_stress = 0;
     for (std::size_t k = 0; k < sample.strains.size(); ++k) {
       const double c = sample.strains[k];
@@ -144,7 +135,7 @@ void compare_curves(const Arguments& arguments, const Trials& trials, const Fabr
       largest_stress = std::max(largest_stress, std::abs(expected.stiffness(c) * c));
     }
     const CurveBand band =
-        curve_band(found.fit, kRows[i], VecX::LinSpaced(41, range.lower, range.upper));
+        curve_band(found.fit, row, VecX::LinSpaced(41, range.lower, range.upper));
     int held = 0;
     for (Eigen::Index k = 0; k < band.strains.size(); ++k) {
       const double k_true = expected.stiffness(band.strains[k]);
@@ -154,7 +145,7 @@ void compare_curves(const Arguments& arguments, const Trials& trials, const Fabr
     fmt::print(
         "  {:<14} {:>6} {:>10.4g} to {:>8.4g} {:>12.5g} to {:>10.5g} {:>8.2f} {:>8.2f} "
         "{:>8.2f}  holds {:.0f} %, {:+.1f} % in the middle\n",
-        kRows[i], curve.size(), range.lower, range.upper, curve.stiffness(range.lower),
+        row, curve.size(), range.lower, range.upper, curve.stiffness(range.lower),
         curve.stiffness(range.upper), 100 * std::sqrt(squares / area), 100 * most,
         100 * stress / largest_stress, 100.0 * held / static_cast<double>(last + 1),
         100 * (band.upper[half] / band.stiffness[half] - 1));
@@ -163,7 +154,7 @@ void compare_curves(const Arguments& arguments, const Trials& trials, const Fabr
 
 void print_tests(const Arguments& arguments, const std::string& fabric, const Fabric& found) {
   for (const RigTest test : rig_tests()) {
-    if (found.model == "springs" && is_bend(test)) continue;
+    if (in_plane_only(found.model) && is_bend(test)) continue;
     const auto trial = trial_of(arguments, fabric, test);
     const auto frames =
         simulate_mechanical({trial}, found, MechanicalDerivatives::none, arguments.threads);
@@ -189,10 +180,8 @@ CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const
   chosen.threads = arguments.threads;
   chosen.fit.mesh_error = arguments.mesh_error;
   std::string last;
-  std::vector<std::string> rows = kRows;
+  std::vector<std::string> rows = searched_parameters(start.model);
   std::erase(rows, arguments.skip);
-  if (start.model == "springs")
-    std::erase_if(rows, [](const std::string& row) { return row.ends_with("bend"); });
   CurveFitResult found = fit_curves(
       trials, start, rows, chosen, [&](const std::string& stage, const MechanicalFitStep& step) {
         if (stage != last)
@@ -303,14 +292,11 @@ void run(const Arguments& arguments) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::validation
 
 int main(int argc, char** argv) {
-  try {
-    weft::run(weft::parse(argc, argv));
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
-  return 0;
+  return weft::validation::run_program("weft_validate_rig", [&] {
+    weft::validation::run(weft::validation::parse(argc, argv));
+    return 0;
+  });
 }

@@ -11,12 +11,12 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <numbers>
 #include <string>
 #include <vector>
 
+#include "program.h"
 #include "scan_validation.h"
 #include "weft/base/error.h"
 #include "weft/estimate/scan_fit.h"
@@ -181,11 +181,8 @@ void run(const Arguments& arguments) {
 }  // namespace weft
 
 int main(int argc, char** argv) {
-  try {
+  return weft::validation::run_program("weft_validate_scan", [&] {
     weft::run(weft::parse(argc, argv));
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
-  return 0;
+    return 0;
+  });
 }

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "program.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
@@ -165,10 +166,5 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return run(argc, argv);
-  } catch (const weft::Error& error) {
-    fmt::print(stderr, "weft_validate_suggest: {}\n", error.what());
-    return 2;
-  }
+  return weft::validation::run_program("weft_validate_suggest", [&] { return run(argc, argv); });
 }

@@ -10,11 +10,11 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
-#include <exception>
 #include <fstream>
 #include <map>
 #include <sstream>
 
+#include "program.h"
 #include "textile_studies.h"
 #include "weft/base/error.h"
 
@@ -97,11 +97,8 @@ void run(int argc, char** argv) {
 }  // namespace weft::validation
 
 int main(int argc, char** argv) {
-  try {
+  return weft::validation::run_program("weft_validate_textiles", [&] {
     weft::validation::run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
-  return 0;
+    return 0;
+  });
 }

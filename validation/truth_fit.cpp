@@ -15,6 +15,7 @@
 #include <limits>
 #include <string>
 
+#include "program.h"
 #include "weft/base/error.h"
 #include "weft/dynamics/sensitivity.h"
 #include "weft/estimate/evaluate_capture.h"
@@ -167,10 +168,5 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return run(argc, argv);
-  } catch (const weft::Error& error) {
-    fmt::print(stderr, "weft_truth_fit: {}\n", error.what());
-    return 2;
-  }
+  return weft::validation::run_program("weft_truth_fit", [&] { return run(argc, argv); });
 }
