@@ -2,7 +2,7 @@
 ///
 ///     weft_validate_scan [table1] [noise] [descriptors] [mechanical] [captures] [--data FOLDER]
 ///     [--cells N]
-///     [--fine N] [--out FOLDER]
+///     [--pattern P] [--fine N] [--fine-pattern P] [--force-noise N] [--out FOLDER]
 ///
 /// table1: targets of the paper's section 4.2 on the mesh of the fit (Larionov et al. 2022, Table
 /// 1). noise: the same from a finer mesh with noise. mechanical, captures: targets that other
@@ -35,8 +35,8 @@ struct Targets {
   std::vector<ScanShape> shapes;
 };
 
-TriangleMesh square(int cells) {
-  return make_swatch(kSide, kSide, cells + 1, cells + 1, GridPattern::uniform);
+TriangleMesh square(int cells, GridPattern pattern) {
+  return make_swatch(kSide, kSide, cells + 1, cells + 1, pattern);
 }
 
 /// Two picture frames and two stretches.
@@ -57,13 +57,12 @@ std::vector<ScanExperiment> unseen_experiments() {
           ledge(kSide, kSide, ScanAxis::v, 0.05)};
 }
 
-Targets make_targets(const std::vector<ScanExperiment>& experiments, int cells,
+Targets make_targets(const std::vector<ScanExperiment>& experiments, const TriangleMesh& mesh,
                      const Fabric& fabric, const ScanSynthesis& options) {
   Targets targets;
   targets.capture.name = "synthetic";
   targets.capture.width = targets.capture.height = kSide;
   targets.capture.areal_density = options.areal_density;
-  const TriangleMesh mesh = square(cells);
   for (std::size_t i = 0; i < experiments.size(); ++i) {
     ScanSynthesis own = options;
     own.seed = options.seed + 100 * i;
@@ -81,8 +80,7 @@ Targets make_targets(const std::vector<ScanExperiment>& experiments, int cells,
 }
 
 /// Same start, two fabrics: the largest distance of a vertex.
-void compare_unseen(const Fabric& found, const Fabric& truth, int cells) {
-  const TriangleMesh mesh = square(cells);
+void compare_unseen(const Fabric& found, const Fabric& truth, const TriangleMesh& mesh) {
   for (const ScanExperiment& experiment : unseen_experiments()) {
     ScanSynthesis options;
     options.areal_density = kDensity;
@@ -110,17 +108,21 @@ void table1(const Arguments& arguments, bool noisy) {
   ScanSynthesis options;
   options.areal_density = kDensity;
   options.noise = noisy ? 2e-4 : 0;
-  options.force_noise = noisy ? 0.01 : 0;
+  options.force_noise = noisy ? arguments.force_noise : 0;
   options.stated_noise = noisy ? 2e-4 : 1e-6;
-  options.stated_force_noise = noisy ? 0.01 : 1e-4;
-  fmt::print("\n{}\n", noisy ? fmt::format("targets on {} cells with 0.2 mm and 0.01 N of noise, "
+  options.stated_force_noise = noisy ? std::max(arguments.force_noise, 1e-4) : 1e-4;
+  fmt::print("\n{}\n", noisy ? fmt::format("targets on {} cells with 0.2 mm and {:g} N of noise, "
                                            "fit on {} cells",
-                                           arguments.fine, arguments.cells)
+                                           arguments.fine, arguments.force_noise, arguments.cells)
                              : fmt::format("targets and fit on {} cells", arguments.cells));
-  const Targets targets =
-      make_targets(table1_experiments(), noisy ? arguments.fine : arguments.cells, truth, options);
+  const Targets targets = make_targets(
+      table1_experiments(),
+      noisy ? square(arguments.fine, arguments.fine_pattern)
+            : square(arguments.cells, arguments.pattern.value_or(GridPattern::uniform)),
+      truth, options);
   ScanOptions scan;
   scan.cells = noisy ? arguments.cells : 0;
+  scan.pattern = arguments.pattern;
   scan.descriptor = arguments.descriptor;
   if (!arguments.out.empty())
     write_scan_capture(arguments.out / (noisy ? "noise" : "table1"), targets.capture,
@@ -135,7 +137,8 @@ void table1(const Arguments& arguments, bool noisy) {
   });
   print_fit(fit, &truth);
   print_targets(problem, fit.fabric, "at the estimate");
-  compare_unseen(fit.fabric, truth, arguments.cells);
+  compare_unseen(fit.fabric, truth,
+                 square(arguments.cells, arguments.pattern.value_or(GridPattern::uniform)));
 }
 
 Arguments parse(int argc, char** argv) {
@@ -146,6 +149,12 @@ Arguments parse(int argc, char** argv) {
       arguments.cells = std::stoi(argv[++i]);
     else if (word == "--fine" && i + 1 < argc)
       arguments.fine = std::stoi(argv[++i]);
+    else if (word == "--pattern" && i + 1 < argc)
+      arguments.pattern = grid_pattern_from_name(argv[++i]);
+    else if (word == "--fine-pattern" && i + 1 < argc)
+      arguments.fine_pattern = grid_pattern_from_name(argv[++i]);
+    else if (word == "--force-noise" && i + 1 < argc)
+      arguments.force_noise = std::stod(argv[++i]);
     else if (word == "--data" && i + 1 < argc)
       arguments.data = argv[++i];
     else if (word == "--fabric" && i + 1 < argc)

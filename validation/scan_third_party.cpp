@@ -149,6 +149,7 @@ void add_rest(const std::filesystem::path& folder, const Arguments& arguments,
                         {}};
   ScanOptions options;
   options.cells = arguments.cells;
+  options.pattern = arguments.pattern;
   options.descriptor = arguments.descriptor;
   trials.push_back(prepare_scan(capture, std::vector<ScanShape>{shape}, options).front());
 }

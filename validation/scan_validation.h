@@ -2,6 +2,7 @@
 /// What the parts of weft_validate_scan share.
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,9 @@ namespace weft {
 struct Arguments {
   std::vector<std::string> parts;
   int cells = 24, fine = 64;
+  double force_noise = 0.01;                        ///< N, of the part "noise"
+  std::optional<GridPattern> pattern;               ///< of the fit
+  GridPattern fine_pattern = GridPattern::uniform;  ///< of what makes the targets
   DescriptorKind descriptor = DescriptorKind::fourier;
   std::filesystem::path out;  ///< captures are kept here
   std::filesystem::path data;

@@ -66,12 +66,15 @@ Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem
       "mean of squared differences of descriptor entries and forces, each divided by its noise";
   report.evaluations = fit.evaluations;
   report.wall_s = fit.wall_s;
-  report.settings = {{"descriptor", std::string(name_of(arguments.options.descriptor))},
-                     {"solver", std::string(problem.solver().name())},
-                     {"cells", static_cast<std::int64_t>(arguments.options.cells)},
-                     {"schedule", arguments.schedule},
-                     {"balance", arguments.balance},
-                     {"random starts", static_cast<std::int64_t>(arguments.random_starts)}};
+  report.settings = {
+      {"descriptor", std::string(name_of(arguments.options.descriptor))},
+      {"solver", std::string(problem.solver().name())},
+      {"cells", static_cast<std::int64_t>(arguments.options.cells)},
+      {"pattern",
+       arguments.options.pattern ? std::string(name_of(*arguments.options.pattern)) : "auto"},
+      {"schedule", arguments.schedule},
+      {"balance", arguments.balance},
+      {"random starts", static_cast<std::int64_t>(arguments.random_starts)}};
   report.parameters = report_parameters(problem, fit);
   for (const ScanFitStep& step : fit.history) {
     report.history.push_back({step.evaluation, step.phase, step.cost, step.best, 0});

@@ -24,6 +24,13 @@ void ScanArguments::add_to(CLI::App& command) {
       ->check(CLI::IsMember({"static", "xpbd"}))
       ->capture_default_str();
   command
+      .add_option("--pattern", pattern_,
+                  "scans: how the quads of the simulated grid are split: uniform (every diagonal "
+                  "runs the same way), alternating, or auto: alternating where only "
+                  "small clamps hold the cloth")
+      ->check(CLI::IsMember({"auto", "uniform", "alternating"}))
+      ->capture_default_str();
+  command
       .add_option("--registered-cells", registered_cells_,
                   "scans: cells of the grid that is laid on a raw scan, across the shorter side")
       ->check(CLI::Range(2, 400))
@@ -37,6 +44,7 @@ ScanOptions ScanArguments::options(const CLI::App& command, int threads) const {
   const CLI::Option* cells = command.get_option_no_throw("--cells");
   if (cells && cells->count() > 0) options.cells = cells->as<int>();
   options.descriptor = descriptor_from_name(descriptor_);
+  if (pattern_ != "auto") options.pattern = grid_pattern_from_name(pattern_);
   return options;
 }
 
@@ -46,7 +54,8 @@ std::shared_ptr<const EquilibriumSolver> ScanArguments::solver() const {
 }
 
 const std::vector<std::string>& ScanArguments::names() {
-  static const std::vector<std::string> names{"--descriptor", "--solver", "--registered-cells"};
+  static const std::vector<std::string> names{"--descriptor", "--solver", "--pattern",
+                                              "--registered-cells"};
   return names;
 }
 

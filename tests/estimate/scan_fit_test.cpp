@@ -216,6 +216,45 @@ TEST(ScanFit, BarsAreRigid) {
   EXPECT_LT(largest, 3e-4);
 }
 
+/// The edges that are no side of a quad: whether all run the same way.
+bool diagonals_run_alike(const TriangleMesh& mesh) {
+  bool up = false, down = false;
+  for (const auto& t : mesh.triangles)
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Vec2 d = mesh.material.col(t[(i + 1) % 3]) - mesh.material.col(t[i]);
+      (d.x() * d.y() > 1e-12 ? up : down) |= std::abs(d.x() * d.y()) > 1e-12;
+    }
+  return up != down;
+}
+
+// Cloth that hangs by its corners folds along both diagonals.
+TEST(ScanFit, HangsAreSplitBothWays) {
+  Made made;
+  made.capture.width = made.capture.height = kSide;
+  made.capture.areal_density = 0.2;
+  const TriangleMesh mesh = make_swatch(kSide, kSide, kCells + 1, kCells + 1);
+  for (const ScanExperiment& e : {corner_weights(kSide, kSide, 0.95, 0.02, 0.02),
+                                  ledge(kSide, kSide, ScanAxis::u, 2 * kSide / kCells)}) {
+    const SynthesizedScan scan = synthesize_scan(e, mesh, true_fabric(), {});
+    made.capture.targets.push_back(scan.target);
+    made.shapes.push_back(scan.shape);
+  }
+  for (const int cells : {0, 8}) {
+    SCOPED_TRACE(cells);
+    ScanOptions options;
+    options.cells = cells;
+    auto trials = prepare_scan(made.capture, made.shapes, options);
+    EXPECT_FALSE(diagonals_run_alike(trials[0]->mesh));
+    EXPECT_TRUE(diagonals_run_alike(trials[1]->mesh));
+    options.pattern = GridPattern::uniform;
+    trials = prepare_scan(made.capture, made.shapes, options);
+    EXPECT_TRUE(diagonals_run_alike(trials[0]->mesh));
+    options.pattern = GridPattern::alternating;
+    trials = prepare_scan(made.capture, made.shapes, options);
+    EXPECT_FALSE(diagonals_run_alike(trials[1]->mesh));
+  }
+}
+
 TEST(ScanFit, WeightsArePulls) {
   const TriangleMesh mesh = make_swatch(kSide, kSide, 9, 9, GridPattern::uniform);
   ScanSynthesis options;

@@ -248,5 +248,12 @@ TEST(Interpolate, RepeatsAnAffineMap) {
   EXPECT_NEAR((found - expected).cwiseAbs().maxCoeff(), 0, 1e-14);
 }
 
+TEST(GridPattern, HasAName) {
+  for (const GridPattern pattern : {GridPattern::alternating, GridPattern::uniform})
+    EXPECT_EQ(grid_pattern_from_name(name_of(pattern)), pattern);
+  EXPECT_NE(name_of(GridPattern::alternating), name_of(GridPattern::uniform));
+  EXPECT_THROW(grid_pattern_from_name("crossed"), Error);
+}
+
 }  // namespace
 }  // namespace weft

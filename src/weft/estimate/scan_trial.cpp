@@ -17,6 +17,7 @@ namespace {
 constexpr int kMostCells = 200;
 constexpr double kSamePlace = 1e-7;     // m
 constexpr double kEqualSpacing = 1e-4;  // of a cell
+constexpr double kSmallClamp = 0.1;     // of the shorter side
 constexpr double kMeasured = 0.5;       // least weight of a vertex that counts as measured
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
@@ -64,6 +65,17 @@ bool only_broad_bars(const ScanTarget& target) {
   });
 }
 
+GridPattern pattern_of(const ScanCapture& capture, const ScanTarget& target,
+                       const ScanOptions& options) {
+  if (options.pattern) return *options.pattern;
+  const double small = kSmallClamp * std::min(capture.width, capture.height);
+  const bool hangs =
+      std::all_of(target.clamps.begin(), target.clamps.end(), [small](const ScanClamp& clamp) {
+        return (clamp.region.upper - clamp.region.lower).maxCoeff() <= small;
+      });
+  return hangs ? GridPattern::alternating : GridPattern::uniform;
+}
+
 TriangleMesh mesh_of_bars(const ScanCapture& capture, const ScanTarget& target, int cells) {
   MechanicalCapture bars;
   bars.name = target.name;
@@ -86,7 +98,7 @@ TriangleMesh simulated_mesh(const ScanCapture& capture, const ScanTarget& target
                             const ScanShape& shape, const ScanOptions& options) {
   if (options.cells == 0) {
     if (const auto lines = grid_of(shape.mesh))
-      return make_swatch(lines->u, lines->v, GridPattern::uniform);
+      return make_swatch(lines->u, lines->v, pattern_of(capture, target, options));
     throw Error(fmt::format(
         "target \"{}\": its vertices are no grid of rows and columns; say on how many cells to "
         "simulate it",
@@ -96,7 +108,7 @@ TriangleMesh simulated_mesh(const ScanCapture& capture, const ScanTarget& target
   const double spacing = std::min(capture.width, capture.height) / options.cells;
   return make_swatch(grid_lines(capture.width, borders_along(0, target.clamps), spacing),
                      grid_lines(capture.height, borders_along(1, target.clamps), spacing),
-                     GridPattern::uniform);
+                     pattern_of(capture, target, options));
 }
 
 bool equally_spaced(const std::vector<double>& lines) {

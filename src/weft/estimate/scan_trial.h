@@ -18,6 +18,11 @@ struct ScanOptions {
   /// hold an area are all that holds the cloth, across the shortest free side, finer beside the
   /// bars (mechanical_trial.h). 0: the grid that was registered, which then must be one.
   int cells = 0;
+  /// How its quads are split. Empty: alternating where the cloth hangs by small clamps alone (none
+  /// longer than a tenth of the shorter side), whose folds run from each of them and lock in one
+  /// direction where all diagonals run alike; else uniform, on which bending converges faster
+  /// (model/bending.h). The grid that broad bars alone hold is always uniform.
+  std::optional<GridPattern> pattern{};
   DescriptorKind descriptor = DescriptorKind::fourier;
   RawScanOptions raw{};  ///< of targets without a registered grid
 };

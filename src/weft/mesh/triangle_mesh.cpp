@@ -100,6 +100,16 @@ Vec3 nearest_on_side(const std::array<Vec2, 3>& corners, int i, int j, const Vec
 
 }  // namespace
 
+GridPattern grid_pattern_from_name(std::string_view name) {
+  for (const GridPattern pattern : {GridPattern::alternating, GridPattern::uniform})
+    if (name == name_of(pattern)) return pattern;
+  throw Error(fmt::format("grid pattern \"{}\" is not known; known: alternating, uniform", name));
+}
+
+std::string_view name_of(GridPattern pattern) {
+  return pattern == GridPattern::uniform ? "uniform" : "alternating";
+}
+
 TriangleMesh make_swatch(double width, double height, int columns, int rows, GridPattern pattern) {
   if (!(width > 0) || !(height > 0) || !std::isfinite(width) || !std::isfinite(height)) {
     throw Error(

@@ -23,6 +23,10 @@ enum class GridPattern {
   uniform,      ///< every diagonal runs the same way
 };
 
+/// "alternating", "uniform". Throws Error for another name.
+GridPattern grid_pattern_from_name(std::string_view name);
+std::string_view name_of(GridPattern pattern);
+
 /// A rectangular swatch of `columns` x `rows` vertices. Vertex k = row * columns + column; row 0 is
 /// v = 0, column 0 is u = 0. Throws Error unless width, height > 0 and columns, rows >= 2.
 TriangleMesh make_swatch(double width, double height, int columns, int rows,
