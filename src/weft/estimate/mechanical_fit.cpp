@@ -11,6 +11,7 @@
 
 #include "weft/base/error.h"
 #include "weft/estimate/content_hash.h"
+#include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/packed_numbers.h"
 #include "weft/estimate/residual_intervals.h"
 
@@ -381,14 +382,41 @@ void MechanicalProblem::keep_in(std::shared_ptr<MechanicalStore> store) {
 namespace {
 
 /// - H^-1 gradient over the directions that the data determine.
-VecX gauss_newton_step(const QuadraticModel& model, std::size_t residual_count) {
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(model.hessian);
+VecX newton_step(const MatX& hessian, const VecX& gradient, std::size_t residual_count) {
+  const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
   const double least =
       2 / (static_cast<double>(residual_count) * kWidestDeviation * kWidestDeviation);
-  VecX along = eigen.eigenvectors().transpose() * model.gradient;
+  VecX along = eigen.eigenvectors().transpose() * gradient;
   for (Eigen::Index i = 0; i < along.size(); ++i)
     along[i] = eigen.eigenvalues()[i] > least ? -along[i] / eigen.eigenvalues()[i] : 0;
   return eigen.eigenvectors() * along;
+}
+
+/// The same within the ranges: what is at an end towards which the cost falls is held there, what
+/// the step would carry beyond one goes to it, and the others make up for that.
+VecX gauss_newton_step(const QuadraticModel& model, const VecX& scaled,
+                       std::size_t residual_count) {
+  VecX step = VecX::Zero(scaled.size());
+  std::vector<Eigen::Index> free = inside_bounds(scaled, model.gradient);
+  while (!free.empty()) {
+    const VecX gradient = model.gradient + model.hessian * step;
+    const VecX end =
+        scaled(free) + newton_step(model.hessian(free, free), gradient(free), residual_count);
+    std::vector<Eigen::Index> inside;
+    for (std::size_t k = 0; k < free.size(); ++k) {
+      const double value = end[static_cast<Eigen::Index>(k)];
+      if (value >= 0 && value <= 1)
+        inside.push_back(free[k]);
+      else
+        step[free[k]] = std::clamp(value, 0.0, 1.0) - scaled[free[k]];
+    }
+    if (inside.size() == free.size()) {
+      step(free) = end - scaled(free);
+      break;
+    }
+    free = std::move(inside);
+  }
+  return step;
 }
 
 /// MechanicalFitResult::mesh_shift.
@@ -402,7 +430,7 @@ VecX mesh_shift(const MechanicalProblem& problem, const VecX& scaled, const Quad
   const QuadraticModel finer = refined->linearize(scaled).model;
   if (!std::isfinite(finer.cost)) return {};
   const std::size_t count = problem.residual_count();
-  return gauss_newton_step(finer, count) - gauss_newton_step(here, count);
+  return gauss_newton_step(finer, scaled, count) - gauss_newton_step(here, scaled, count);
 }
 
 void add_intervals(const MechanicalProblem& problem, const VecX& scaled,

@@ -164,8 +164,9 @@ struct MechanicalFitResult {
   /// two compared frames.
   std::vector<ParameterInterval> intervals;
   /// With MeshError::included: how far the estimate would move on cells of half the width, scaled
-  /// coordinates, by a Gauss-Newton step there. Twice that, where it would go if the error fell in
-  /// proportion to the width, is in the intervals. Empty where a finer mesh has no equilibrium.
+  /// coordinates, by a Gauss-Newton step there within the ranges. Twice that, where it would go if
+  /// the error fell in proportion to the width, is in the intervals. Empty where a finer mesh has
+  /// no equilibrium.
   VecX mesh_shift;
   MatX correlation;      ///< of the free parameters, scaled coordinates
   double condition = 0;  ///< of the Gauss-Newton matrix
