@@ -138,6 +138,10 @@ TEST_F(Mechanical, AKilledOrStoppedFitContinues) {
     std::vector<std::string> other = words(whole);
     other.insert(other.end(), {"--force-noise", "0.01"});
     EXPECT_THAT(refusal(other), HasSubstr("mechanical_evaluations.sqlite: of another run"));
+    // As another version of the program leaves it.
+    run_sql(folder_ / whole / "mechanical_evaluations.sqlite",
+            "UPDATE numbers SET problem = problem || '.1'");
+    EXPECT_THAT(refusal(words(whole)), HasSubstr("of another run"));
     other.emplace_back("--overwrite");
     EXPECT_EQ(weft(other).status, 0);
   }
