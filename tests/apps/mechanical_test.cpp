@@ -134,6 +134,7 @@ TEST_F(Mechanical, AKilledOrStoppedFitContinues) {
     ASSERT_EQ(weft(words(whole)).status, 0);
     EXPECT_EQ(rows_of_store(whole), rows);
 
+    if (i > 0) continue;  // the same for all orders
     std::filesystem::remove(folder_ / whole / "result.json");
     std::vector<std::string> other = words(whole);
     other.insert(other.end(), {"--force-noise", "0.01"});
