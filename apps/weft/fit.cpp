@@ -263,6 +263,7 @@ EvaluationStore open_store(const std::filesystem::path& out, const Problem& prob
 MechanicalFitArguments tests_of(const Arguments& arguments) {
   MechanicalFitArguments tests = arguments.mechanical_fit;
   tests.captures = arguments.tests;
+  tests.out = arguments.out;
   tests.threads = arguments.trial.threads();
   tests.options = arguments.mechanical.options();
   return tests;
@@ -296,7 +297,9 @@ void run(const Arguments& arguments) {
                     arguments.initial));
   check_parameters("--parameters", initial.model, arguments.parameters);
   check_parameters("--coarse", initial.model, arguments.coarse);
-  prepare_fit_folder(out, kStoreName, arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  std::vector<std::string> stores{kStoreName};
+  if (!arguments.tests.empty()) stores.emplace_back(kMechanicalStoreName);
+  prepare_fit_folder(out, stores, arguments.overwrite ? Existing::overwrite : Existing::refuse);
   const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
   const std::vector<std::string> free = free_parameters(arguments, initial.model);
   std::optional<MechanicalBeside> tests;
@@ -366,7 +369,6 @@ void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
   refuse_options(command, video_option_names(), "mechanical captures");
   MechanicalFitArguments fit = tests_of(arguments);
-  fit.out = arguments.out;
   fit.initial = arguments.initial;
   if (!arguments.model.empty()) fit.model = arguments.model;
   if (command.count("--start") > 0) fit.start = arguments.start;
@@ -445,8 +447,8 @@ void add_fit(CLI::App& app) {
       ->required();
   command
       ->add_option("--out", arguments->out,
-                   "folder for fabric.toml, result.json, evaluations.sqlite, report.html; a run of "
-                   "videos or scans that was killed continues")
+                   "folder for fabric.toml, result.json, evaluations.sqlite, report.html; a run "
+                   "that was killed continues")
       ->required();
   command->add_option("--name", arguments->name, "of the fabric (default: the capture's)");
   command->add_option("--model", arguments->model,

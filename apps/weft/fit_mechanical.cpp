@@ -145,7 +145,8 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
   return result.dump(2) + "\n";
 }
 
-void print_result(const Report& report, const std::vector<MechanicalCapture>& captures,
+void print_result(const Report& report, std::size_t replayed,
+                  const std::vector<MechanicalCapture>& captures,
                   const std::vector<MechanicalEvaluation>& evaluations) {
   for (const ReportParameter& p : report.parameters) {
     if (!p.free) continue;
@@ -157,8 +158,8 @@ void print_result(const Report& report, const std::vector<MechanicalCapture>& ca
     if (p.at_bound != ReportParameter::Bound::none) certainty += ", at the end of its range";
     fmt::print("{:<20} {:>12.5g} {:<11} {}\n", p.name, p.value, p.unit, certainty);
   }
-  fmt::print("error {:.5g}, at the start {:.5g}; {} evaluations in {:.1f} s\n", report.error,
-             report.error_initial, report.evaluations, report.wall_s);
+  fmt::print("error {:.5g}, at the start {:.5g}; {} evaluations ({} replayed) in {:.1f} s\n",
+             report.error, report.error_initial, report.evaluations, replayed, report.wall_s);
   for (std::size_t i = 0; i < captures.size(); ++i) {
     fmt::print("{}: {}\n", captures[i].name, summary(evaluations[i]));
     fmt::print("{}", complaints(evaluations[i]));
@@ -175,7 +176,8 @@ CurveFitResult search(const MechanicalFitArguments& arguments,
   const CurveFitObserver observer = [&](const std::string& stage, const MechanicalFitStep& step) {
     if (!progress) progress.emplace("least squares", 0);
     progress->update(step.evaluation,
-                     fmt::format("{}: error {:.4g}, best {:.4g}", stage, step.cost, step.best));
+                     fmt::format("{}: error {:.4g}, best {:.4g}{}", stage, step.cost, step.best,
+                                 step.replayed ? " (replayed)" : ""));
     return !interrupted();
   };
   MechanicalFitOptions fit;
@@ -187,14 +189,17 @@ CurveFitResult search(const MechanicalFitArguments& arguments,
     options.cost = cost;
     options.fit = fit;
     options.threads = arguments.threads;
-    result = fit_curves(trials, placed(all, initial, arguments), arguments.parameters, options,
-                        observer);
+    const Fabric start = placed(all, initial, arguments);
+    options.store = open_mechanical_store(
+        arguments.out, fit_fingerprint(trials, start, arguments.parameters, options));
+    result = fit_curves(trials, start, arguments.parameters, options, observer);
   } else {
     result.free = free_parameters(arguments, initial);
-    const MechanicalProblem problem(trials, initial, result.free, cost, arguments.threads);
-    result.fit =
-        fit_mechanical(problem, placed(problem, initial, arguments), fit,
-                       [&](const MechanicalFitStep& step) { return observer("all", step); });
+    MechanicalProblem problem(trials, initial, result.free, cost, arguments.threads);
+    const Fabric start = placed(problem, initial, arguments);
+    problem.keep_in(open_mechanical_store(arguments.out, fit_fingerprint(problem, start, fit)));
+    result.fit = fit_mechanical(
+        problem, start, fit, [&](const MechanicalFitStep& step) { return observer("all", step); });
   }
   if (progress) progress->finish();
   return result;
@@ -212,8 +217,8 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
     names.push_back(captures.back().name);
   }
   const Fabric initial = start_fabric(arguments, captures);
-  prepare_output_folder(out, {"result.json", "fabric.toml", "report.html"},
-                        arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  prepare_fit_folder(out, {kMechanicalStoreName},
+                     arguments.overwrite ? Existing::overwrite : Existing::refuse);
   std::vector<std::shared_ptr<const MechanicalTrial>> trials;
   for (const MechanicalCapture& capture : captures)
     trials.push_back(prepare_mechanical(capture, arguments.options));
@@ -235,7 +240,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
                     report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,
                                          fit.correlation));
   fmt::print("{}", stage_lines(found));
-  print_result(report, captures, evaluations);
+  print_result(report, fit.replayed, captures, evaluations);
   fmt::print("{}\n", (out / "report.html").string());
   if (report.stopped) throw CLI::RuntimeError(stopped_early);
 }

@@ -201,7 +201,8 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   options.seed = arguments.seed;
   ScanProblem problem(trials, arguments.solver, initial, arguments.parameters, {},
                       arguments.threads);
-  prepare_fit_folder(out, kStoreName, arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  prepare_fit_folder(out, {kStoreName},
+                     arguments.overwrite ? Existing::overwrite : Existing::refuse);
   problem.keep_in(std::make_shared<NumberStore>(out / kStoreName, problem.fingerprint()));
   Progress progress("least squares", 0);
   const ScanFitResult fit = fit_scan(problem, initial, options, [&](const ScanFitStep& step) {

@@ -36,6 +36,12 @@ void print_fixture(const MechanicalFixture& fixture) {
 
 }  // namespace
 
+std::shared_ptr<MechanicalStore> open_mechanical_store(const std::filesystem::path& out,
+                                                       const std::string& fingerprint) {
+  return std::make_shared<MechanicalStore>(out / kMechanicalStoreName,
+                                           fmt::format("{} by " WEFT_VERSION, fingerprint));
+}
+
 nlohmann::json json_number(double value) {
   return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
 }

@@ -1,5 +1,6 @@
 #pragma once
 /// What the subcommands do with mechanical captures (kind = "mechanical").
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -59,5 +60,12 @@ struct MechanicalFitArguments {
   std::optional<CurveFitOptions> curves;  ///< `parameters` are rows then
 };
 void run_mechanical_fit(const MechanicalFitArguments& arguments);
+
+/// In the output folder, what a fit that takes mechanical captures continues from.
+inline constexpr const char* kMechanicalStoreName = "mechanical_evaluations.sqlite";
+/// Opens it for a fit of this fit_fingerprint(), as this version of the program makes it. Throws
+/// Error if it holds evaluations of another.
+std::shared_ptr<MechanicalStore> open_mechanical_store(const std::filesystem::path& out,
+                                                       const std::string& fingerprint);
 
 }  // namespace weft::app

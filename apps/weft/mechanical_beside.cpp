@@ -20,11 +20,13 @@ MechanicalBeside::MechanicalBeside(const MechanicalFitArguments& arguments, cons
   cost.residuals = mechanical_residuals_from_name(arguments.residuals);
   cost.force_noise = arguments.force_noise;
   cost.point_noise = arguments.point_noise;
-  problem_ = std::make_shared<MechanicalProblem>(trials_, initial, free, cost, threads_);
+  MechanicalProblem problem(trials_, initial, free, cost, threads_);
+  problem.keep_in(open_mechanical_store(arguments.out, fit_fingerprint(problem, initial)));
+  problem_ = std::make_shared<MechanicalProblem>(std::move(problem));
   Progress progress("mechanical tests alone", 0);
   alone_ = fit_mechanical(*problem_, initial, {}, [&](const MechanicalFitStep& step) {
-    progress.update(step.evaluation,
-                    fmt::format("error {:.4g}, best {:.4g}", step.cost, step.best));
+    progress.update(step.evaluation, fmt::format("error {:.4g}, best {:.4g}{}", step.cost,
+                                                 step.best, step.replayed ? " (replayed)" : ""));
     return !interrupted();
   });
 }

@@ -18,7 +18,8 @@ class MechanicalBeside {
  public:
   /// Reads and prepares the captures of `arguments`, and fits them by themselves from `initial`,
   /// with progress: `free` are those of the joint problem; what the tests do not determine stays
-  /// about where it was. Throws Error for captures that cannot be computed.
+  /// about where it was. Evaluations, also those of the joint problem, are kept in the output
+  /// folder. Throws Error for captures that cannot be computed.
   MechanicalBeside(const MechanicalFitArguments& arguments, const Fabric& initial,
                    const std::vector<std::string>& free);
 

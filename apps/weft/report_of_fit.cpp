@@ -196,12 +196,12 @@ Report report_of_fit(const Problem& problem, const FitResult& fit,
 namespace {
 
 /// Whether the folder holds what a fit that was stopped left there: it may continue.
-bool holds_stopped_fit(const std::filesystem::path& out, const std::string& store) {
-  std::error_code ignored;
-  if (!std::filesystem::exists(out / "result.json", ignored) ||
-      !std::filesystem::exists(out / store, ignored)) {
-    return false;
-  }
+bool holds_stopped_fit(const std::filesystem::path& out, const std::vector<std::string>& stores) {
+  const auto exists = [&](const std::string& name) {
+    std::error_code ignored;
+    return std::filesystem::exists(out / name, ignored);
+  };
+  if (!exists("result.json") || !std::ranges::all_of(stores, exists)) return false;
   try {
     return read_result(out / "result.json").stopped;
   } catch (const Error&) {
@@ -211,11 +211,11 @@ bool holds_stopped_fit(const std::filesystem::path& out, const std::string& stor
 
 }  // namespace
 
-void prepare_fit_folder(const std::filesystem::path& out, const std::string& store,
+void prepare_fit_folder(const std::filesystem::path& out, const std::vector<std::string>& stores,
                         Existing existing) {
   if (existing == Existing::refuse) {
     std::vector<std::string> results;
-    if (!holds_stopped_fit(out, store)) results.emplace_back("result.json");
+    if (!holds_stopped_fit(out, stores)) results.emplace_back("result.json");
     prepare_output_folder(out, results, existing);
     return;
   }
@@ -224,8 +224,10 @@ void prepare_fit_folder(const std::filesystem::path& out, const std::string& sto
   for (const std::string name : {"result.json", "fabric.toml", "report.html"}) {
     std::filesystem::remove(out / name);
   }
-  for (const std::string ending : {"", "-wal", "-shm"}) {
-    std::filesystem::remove(out / (store + ending));
+  for (const std::string& store : stores) {
+    for (const std::string ending : {"", "-wal", "-shm"}) {
+      std::filesystem::remove(out / (store + ending));
+    }
   }
 }
 

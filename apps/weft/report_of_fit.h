@@ -37,11 +37,11 @@ void add_inexact_remark(int count, const std::string& of_what, Report& report);
 /// Measured and simulated frames and their angle maps, for the report's slider. Reads the video.
 CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory);
 
-/// Makes the folder of a fit that keeps its evaluations in the file `store` (SQLite). A run that
+/// Makes the folder of a fit that keeps its evaluations in the files `stores` (SQLite). A run that
 /// was killed has its evaluations but no result, one that was stopped has the result until then;
 /// both continue. Throws Error as prepare_output_folder does for the result of another run; with
-/// Existing::overwrite removes it and the store.
-void prepare_fit_folder(const std::filesystem::path& out, const std::string& store,
+/// Existing::overwrite removes it and the stores.
+void prepare_fit_folder(const std::filesystem::path& out, const std::vector<std::string>& stores,
                         Existing existing);
 
 }  // namespace weft::app

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/program.h"
+#include "apps/store.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/report/result.h"
 
@@ -14,6 +15,7 @@ namespace {
 
 using nlohmann::json;
 using testing::HasSubstr;
+using testing::Not;
 
 /// A tensile test as a laboratory hands it over: a curve and the size of the specimen.
 class Mechanical : public ProgramTest {
@@ -36,6 +38,17 @@ class Mechanical : public ProgramTest {
       curve += fmt::format("{:.4f},{:.6f}\n", 1e3 * kLength * s, force);
     }
     write("strip/curve.csv", curve);
+  }
+  int rows_of_store(const std::string& out) const {
+    return run_sql(folder_ / out / "mechanical_evaluations.sqlite", "SELECT count(*) FROM numbers");
+  }
+  /// What must be the same for two runs of one fit.
+  json without_circumstances(const std::string& out) const {
+    json object = json::parse(text_of(folder_ / out / "result.json"));
+    for (const char* key : {"wall_s", "created", "command"}) object.erase(key);
+    if (object.contains("stages"))
+      for (json& stage : object["stages"]) stage.erase("wall_s");
+    return object;
   }
   Outcome fit(const std::string& out) const {
     return weft(
@@ -81,6 +94,60 @@ TEST_F(Mechanical, IntervalsSayWhatTheMeshDoes) {
   EXPECT_NEAR(upper(wide) / upper(narrow), 1 + 2 * shift, 4 * shift * shift + 1e-9);
 }
 
+TEST_F(Mechanical, AKilledOrStoppedFitContinues) {
+  const std::vector<std::vector<std::string>> orders{
+      {"--start", "middle"},
+      {"--model", "stvk-diagonal", "--order", "incremental", "--subdivide", "--parameters",
+       "weft_stretch"},
+      {"--model", "stvk-diagonal", "--order", "joint", "--subdivide", "--isotropic", "--parameters",
+       "weft_stretch"}};
+  for (std::size_t i = 0; i < orders.size(); ++i) {
+    const testing::ScopedTrace trace(__FILE__, __LINE__, fmt::format("order {}", i));
+    const auto words = [&](const std::string& out) {
+      std::vector<std::string> words{"fit", path("strip"), "--out", path(out), "--cells", "5"};
+      words.insert(words.end(), orders[i].begin(), orders[i].end());
+      return words;
+    };
+    const std::string whole = fmt::format("whole{}", i);
+    const Outcome alone = weft(words(whole));
+    ASSERT_EQ(alone.status, 0) << alone.err;
+    EXPECT_THAT(alone.out, HasSubstr("evaluations (0 replayed)"));
+    for (const int signal : {SIGKILL, SIGINT}) {
+      const std::string out = fmt::format("out{}_{}", i, signal);
+      ChildProcess child(command(words(out)));
+      ASSERT_TRUE(child.wait_for("least squares: 1, ")) << child.err();
+      child.send(signal);
+      child.wait();
+      ASSERT_EQ(child.status(), signal == SIGKILL ? -SIGKILL : 130) << child.err();
+      EXPECT_EQ(std::filesystem::exists(folder_ / out / "result.json"), signal == SIGINT);
+      EXPECT_GE(rows_of_store(out), 2);
+      const Outcome continued = weft(words(out));
+      ASSERT_EQ(continued.status, 0) << continued.err;
+      EXPECT_THAT(continued.out, Not(HasSubstr("(0 replayed)")));
+      EXPECT_THAT(continued.err, HasSubstr("(replayed)"));
+      EXPECT_EQ(without_circumstances(out), without_circumstances(whole));
+      EXPECT_EQ(text_of(folder_ / out / "fabric.toml"), text_of(folder_ / whole / "fabric.toml"));
+    }
+    // All of it is there, and is taken.
+    const int rows = rows_of_store(whole);
+    std::filesystem::remove(folder_ / whole / "result.json");
+    ASSERT_EQ(weft(words(whole)).status, 0);
+    EXPECT_EQ(rows_of_store(whole), rows);
+
+    if (i > 0) continue;  // the same for all orders
+    std::filesystem::remove(folder_ / whole / "result.json");
+    std::vector<std::string> other = words(whole);
+    other.insert(other.end(), {"--force-noise", "0.01"});
+    EXPECT_THAT(refusal(other), HasSubstr("mechanical_evaluations.sqlite: of another run"));
+    // As another version of the program leaves it.
+    run_sql(folder_ / whole / "mechanical_evaluations.sqlite",
+            "UPDATE numbers SET problem = problem || '.1'");
+    EXPECT_THAT(refusal(words(whole)), HasSubstr("of another run"));
+    other.emplace_back("--overwrite");
+    EXPECT_EQ(weft(other).status, 0);
+  }
+}
+
 TEST_F(Mechanical, EvaluatesWithTheFabricThatItFound) {
   ASSERT_EQ(fit("out").status, 0);
   const Outcome outcome = weft(
@@ -112,10 +179,26 @@ TEST_F(Mechanical, FitsTogetherWithAVideo) {
   Fabric start = truth;
   start.set("stretch_stiffness", 3 * stiffness);
   write_fabric(folder_ / "start.toml", start);
-  const Outcome outcome = weft(
-      {"fit", path("video"), path("strip"), "--out", path("both"), "--initial", path("start.toml"),
-       "--parameters", "stretch_stiffness", "bend_stiffness", "--grid", "9", "--steps-per-frame",
-       "2", "--iterations", "2", "--cells", "3", "--no-variability"});
+  const std::vector<std::string> words{"fit",
+                                       path("video"),
+                                       path("strip"),
+                                       "--out",
+                                       path("both"),
+                                       "--initial",
+                                       path("start.toml"),
+                                       "--parameters",
+                                       "stretch_stiffness",
+                                       "bend_stiffness",
+                                       "--grid",
+                                       "9",
+                                       "--steps-per-frame",
+                                       "2",
+                                       "--iterations",
+                                       "2",
+                                       "--cells",
+                                       "3",
+                                       "--no-variability"};
+  const Outcome outcome = weft(words);
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   const json result = json::parse(text_of(folder_ / "both/result.json"));
   const json& found = result["parameters"]["stretch_stiffness"];
@@ -126,6 +209,17 @@ TEST_F(Mechanical, FitsTogetherWithAVideo) {
   const std::string page = text_of(folder_ / "both/report.html");
   EXPECT_THAT(page, HasSubstr("id=\"match\""));
   EXPECT_THAT(page, HasSubstr("id=\"tests-match\""));
+
+  // Again, without computing anything of the test.
+  const json before = without_circumstances("both");
+  const int rows = rows_of_store("both");
+  EXPECT_GT(rows, 5);
+  std::filesystem::remove(folder_ / "both/result.json");
+  const Outcome again = weft(words);
+  ASSERT_EQ(again.status, 0) << again.err;
+  EXPECT_THAT(again.err, HasSubstr("(replayed)"));
+  EXPECT_EQ(without_circumstances("both"), before);
+  EXPECT_EQ(rows_of_store("both"), rows);
   EXPECT_THAT(
       refusal({"fit", path("video"), path("strip"), "--out", path("no"), "--method", "annealing"}),
       HasSubstr("--method"));

@@ -1,10 +1,10 @@
 /// The subcommands that take scans, as a process.
 #include <gmock/gmock.h>
-#include <sqlite3.h>
 
 #include <nlohmann/json.hpp>
 
 #include "apps/program.h"
+#include "apps/store.h"
 #include "weft/estimate/scan_synthetic.h"
 #include "weft/fabric/orthotropic.h"
 #include "weft/mesh/mesh_io.h"
@@ -14,7 +14,6 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
-using testing::StartsWith;
 
 constexpr double kSide = 0.1;  // m
 
@@ -44,17 +43,8 @@ class Scan : public ProgramTest {
     }
     write_scan_capture(folder_ / "scan", capture, shapes);
   }
-  /// Runs a statement on the fit's store; its first number, or 0.
   int rows_of_store(const char* sql) const {
-    sqlite3* database = nullptr;
-    EXPECT_EQ(sqlite3_open((folder_ / "out/scan_evaluations.sqlite").c_str(), &database),
-              SQLITE_OK);
-    sqlite3_stmt* statement = nullptr;
-    EXPECT_EQ(sqlite3_prepare_v2(database, sql, -1, &statement, nullptr), SQLITE_OK);
-    const int number = sqlite3_step(statement) == SQLITE_ROW ? sqlite3_column_int(statement, 0) : 0;
-    sqlite3_finalize(statement);
-    sqlite3_close(database);
-    return number;
+    return run_sql(folder_ / "out/scan_evaluations.sqlite", sql);
   }
 };
 

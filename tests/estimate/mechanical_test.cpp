@@ -289,6 +289,35 @@ TEST(FitMechanical, IntervalsHoldWhatTheMeshDoes) {
   EXPECT_NEAR(with.mesh_shift[0], moved, 0.1 * std::abs(moved));
 }
 
+TEST(FitMechanical, TheMeshDoesNotMoveWhatItsRangeHolds) {
+  const auto trial = prepare_mechanical(bundled("blend_strip_45", {2, 6, 11}), with_cells(3));
+  const Fabric truth = true_fabric("blend_strip_45");
+  Fabric start = truth;
+  // The search may not go up to what made the forces.
+  start.lower = start.upper = truth.values;
+  for (int i = 0; i < truth.values.size(); ++i) {
+    start.lower[i] = truth.info(i).lower;
+    start.upper[i] = truth.info(i).upper;
+  }
+  const int shear = parameter_index(start.model, "membrane_shear");
+  start.values[shear] = start.upper[shear] = 0.7 * start.values[shear];
+  const auto fit = [&](const std::vector<std::string>& free) {
+    MechanicalFitOptions options;
+    options.mesh_error = MechanicalFitOptions::MeshError::included;
+    return fit_mechanical(MechanicalProblem({trial}, start, free), start, options);
+  };
+  const MechanicalFitResult both = fit({"membrane_uu", "membrane_shear"});
+  ASSERT_EQ(both.mesh_shift.size(), 2);
+  EXPECT_EQ(both.fabric.value("membrane_shear"), start.upper[shear]);
+  EXPECT_EQ(both.mesh_shift[1], 0);
+  // The other one moves as if that were not searched at all.
+  const MechanicalFitResult alone = fit({"membrane_uu"});
+  ASSERT_EQ(alone.mesh_shift.size(), 1);
+  EXPECT_NE(alone.mesh_shift[0], 0);
+  // The two searches end within their tolerance of each other.
+  EXPECT_NEAR(both.mesh_shift[0], alone.mesh_shift[0], 0.01 * std::abs(alone.mesh_shift[0]));
+}
+
 TEST(MechanicalProblem, RefusesWhatCannotBeFitted) {
   const auto trial = prepare_mechanical(bundled("blend_strip_45", {4}), with_cells(4));
   const Fabric fabric = true_fabric("blend_strip_45");

@@ -14,6 +14,14 @@ namespace {
 /// To be raised when the same trial and fabric give another error than before, or features are made
 /// in another way: stored evaluations and cached features of older programs are then not used.
 constexpr int kEvaluationVersion = 4;
+/// The same of mechanical captures.
+constexpr int kMechanicalVersion = 1;
+
+void add_mesh(ContentHash& hash, const TriangleMesh& mesh) {
+  hash.add(mesh.material);
+  for (const auto& triangle : mesh.triangles)
+    for (const int vertex : triangle) hash.add(vertex);
+}
 
 void add_options(ContentHash& hash, const TrialOptions& options) {
   hash.add(options.columns);
@@ -118,9 +126,7 @@ void add_trial(ContentHash& hash, const Trial& trial) {
   add_options(hash, trial.options);
   add_rig(hash, trial.capture.rig);
   const Scene& scene = trial.scene;
-  hash.add(scene.mesh.material);
-  for (const auto& triangle : scene.mesh.triangles)
-    for (const int vertex : triangle) hash.add(vertex);
+  add_mesh(hash, scene.mesh);
   hash.add(scene.areal_density);
   hash.add(scene.gravity);
   hash.add(scene.start);
@@ -135,6 +141,49 @@ void add_trial(ContentHash& hash, const Trial& trial) {
     hash.add(features.angles.valid);
     hash.add(features.fold_mask);
     hash.add(features.silhouette);
+  }
+}
+
+void add_trial(ContentHash& hash, const MechanicalTrial& trial) {
+  hash.add(kMechanicalVersion);
+  const MechanicalCapture& capture = trial.capture;
+  for (const double value :
+       {capture.width, capture.height, capture.areal_density, capture.grain_angle})
+    hash.add(value);
+  hash.add(capture.gravity);
+  hash.add(capture.frame_count);
+  hash.add(capture.fixtures.size());
+  for (const MechanicalFixture& fixture : capture.fixtures) {
+    for (const Clip& clip : fixture.frames) {
+      hash.add(clip.region.lower);
+      hash.add(clip.region.upper);
+      hash.add(clip.position);
+      hash.add(clip.rotation.coeffs());
+    }
+    hash.add(fixture.forces);
+  }
+  hash.add(trial.options.statics.force_tolerance);
+  hash.add(trial.options.statics.max_iterations);
+  // What cells and pattern come to.
+  for (const MechanicalStage& stage : trial.stages) add_mesh(hash, stage.mesh);
+  hash.add(trial.geometry.has_value());
+  if (!trial.geometry) return;
+  add_mesh(hash, trial.geometry->mesh);
+  for (const Points& points : trial.geometry->frames) hash.add(points);
+}
+
+void add_fabric(ContentHash& hash, const Fabric& fabric) {
+  hash.add(std::string_view(fabric.model));
+  hash.add(fabric.values);
+  for (int i = 0; i < fabric.values.size(); ++i) {
+    const ParameterInfo info = fabric.info(i);
+    hash.add(info.name);
+    hash.add(info.lower);
+    hash.add(info.upper);
+  }
+  for (const ParameterForm& form : fabric.forms) {
+    hash.add(form.present);
+    hash.add(form.knots);
   }
 }
 

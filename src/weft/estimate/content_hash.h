@@ -6,6 +6,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "weft/estimate/mechanical_trial.h"
 #include "weft/estimate/problem.h"
 
 namespace weft {
@@ -37,6 +38,11 @@ class ContentHash {
 
 /// All that decides the error of a fabric on a trial.
 void add_trial(ContentHash& hash, const Trial& trial);
+/// All that decides the equilibria of a fabric in a mechanical capture, and their differences to
+/// what was measured.
+void add_trial(ContentHash& hash, const MechanicalTrial& trial);
+/// The numbers of a fabric and what they mean: model, values, ranges, knots.
+void add_fabric(ContentHash& hash, const Fabric& fabric);
 /// All that decides a trial: the bytes of the video, the capture's values, frames and options.
 /// Throws Error if the video cannot be read.
 std::string preparation_key(const Capture& capture, int first, int last,

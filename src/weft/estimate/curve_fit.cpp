@@ -11,6 +11,7 @@
 
 #include "weft/base/error.h"
 #include "weft/estimate/component_strains.h"
+#include "weft/estimate/content_hash.h"
 
 namespace weft {
 namespace {
@@ -112,13 +113,16 @@ class CurveFitter {
     const Fabric start = fabric_at_start_;
     CurveFitResult result = std::move(result_);
     const std::vector<MechanicalFitStep> history = std::move(result.fit.history);
-    const std::size_t evaluations = result.fit.evaluations;
+    const std::size_t evaluations = result.fit.evaluations, replayed = result.fit.replayed;
     const Group all = everything();
     result.fit = assess_mechanical(problem(all, fabric_), fabric_, options_.fit);
-    result.fit.cost_start = problem(all, start).cost(problem(all, start).scaled(start));
+    const MechanicalProblem at_start = problem(all, start);
+    const std::size_t before = at_start.replayed();
+    result.fit.cost_start = at_start.cost(at_start.scaled(start));
     result.fit.start = start;
     result.fit.history = history;
     result.fit.evaluations += evaluations + 1;
+    result.fit.replayed += replayed + at_start.replayed() - before;
     result.fit.end = stopped_ ? LeastSquaresEnd::stopped : LeastSquaresEnd::small_reduction;
     result.fit.wall_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -258,7 +262,10 @@ class CurveFitter {
       for (std::size_t i = 0; i < leaders.size(); ++i)
         cost.ties.push_back({followers[i], leaders[i]});
     }
-    return {group.trials, fabric, names(group.rows, fabric), cost, options_.threads};
+    MechanicalProblem result(group.trials, fabric, names(group.rows, fabric), cost,
+                             options_.threads);
+    result.keep_in(options_.store);
+    return result;
   }
 
   // Fits.
@@ -280,7 +287,7 @@ class CurveFitter {
                             1.0);
       try {
         return fit_mechanical(p, p.fabric(x), options, observer);
-      } catch (const Error&) {
+      } catch (const MechanicalStartError&) {
         if (factor == kFactors.back()) throw;
       }
     }
@@ -299,6 +306,7 @@ class CurveFitter {
       result_.fit.history.push_back(step);
     }
     result_.fit.evaluations += found.evaluations;
+    result_.fit.replayed += found.replayed;
     return found;
   }
 
@@ -353,6 +361,20 @@ class CurveFitter {
   StrainRange occurring(const Group& group, const std::string& row) const {
     Trials trials = trials_for(row);
     if (trials.empty()) trials = group.trials;
+    if (!options_.store) return occurring(trials, row);
+    ContentHash hash;
+    for (const auto& trial : trials) add_trial(hash, *trial);
+    add_fabric(hash, fabric_);
+    hash.add(std::string_view(row));
+    hash.add(options_.symmetry);
+    const std::string key = "strains-" + hash.hex();
+    if (const auto known = options_.store->find(key)) return {(*known)[0], (*known)[1]};
+    const StrainRange range = occurring(trials, row);
+    options_.store->add(key, Vec2(range.lower, range.upper));
+    return range;
+  }
+
+  StrainRange occurring(const Trials& trials, const std::string& row) const {
     const auto frames =
         simulate_mechanical(trials, fabric_, MechanicalDerivatives::none, options_.threads);
     ComponentSample sample;
@@ -440,6 +462,23 @@ IsolatedStrain isolated_strain(const MechanicalCapture& capture) {
     most = most.cwiseMax(strain_of_clips(capture.clips(frame), capture.grain_angle).cwiseAbs());
   if (most[2] >= most[0] && most[2] >= most[1]) return IsolatedStrain::shear;
   return most[0] >= most[1] ? IsolatedStrain::weft_stretch : IsolatedStrain::warp_stretch;
+}
+
+std::string fit_fingerprint(const Trials& trials, const Fabric& start,
+                            const std::vector<std::string>& rows, const CurveFitOptions& options) {
+  std::vector<std::string> all;
+  for (int i = 0; i < start.values.size(); ++i) all.emplace_back(start.info(i).name);
+  ContentHash hash;
+  hash.add(std::string_view(fit_fingerprint(
+      MechanicalProblem(trials, start, all, options.cost, options.threads), start, options.fit)));
+  for (const std::string& row : rows) hash.add(std::string_view(row));
+  hash.add(options.order);
+  hash.add(options.shape);
+  hash.add(options.symmetry);
+  hash.add(options.most_points);
+  hash.add(options.least_reduction);
+  hash.add(options.passes);
+  return hash.hex();
 }
 
 CurveFitResult fit_curves(const Trials& trials, const Fabric& start,

@@ -47,6 +47,8 @@ struct CurveFitOptions {
   MechanicalCostOptions cost;     ///< without ties; `forces` is chosen by the order
   MechanicalFitOptions fit;
   int threads = 0;
+  /// Evaluations are taken from there, or added; null: none are kept. Of fit_fingerprint().
+  std::shared_ptr<MechanicalStore> store;
 };
 
 /// One least-squares fit on the way.
@@ -72,6 +74,12 @@ struct CurveFitResult {
   /// Rows that were asked for, but that no capture isolates (incremental order).
   std::vector<std::string> without_test;
 };
+
+/// A hash of all that decides a fit of curves, for its MechanicalStore; `rows` as fit_curves()
+/// takes them.
+std::string fit_fingerprint(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
+                            const Fabric& start, const std::vector<std::string>& rows,
+                            const CurveFitOptions& options);
 
 /// After each evaluation, with the name of the stage; false stops.
 using CurveFitObserver = std::function<bool(const std::string&, const MechanicalFitStep&)>;

@@ -7,8 +7,12 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "weft/base/error.h"
+#include "weft/estimate/content_hash.h"
+#include "weft/estimate/estimate_scatter.h"
+#include "weft/estimate/packed_numbers.h"
 #include "weft/estimate/residual_intervals.h"
 
 namespace weft {
@@ -118,6 +122,7 @@ bool MechanicalProblem::uses_points(const MechanicalTrial& trial) const {
 MechanicalProblem MechanicalProblem::refined() const {
   MechanicalProblem finer = *this;
   for (auto& trial : finer.trials_) trial = weft::refined(*trial);
+  finer.keep_in(store_);
   return finer;
 }
 
@@ -137,28 +142,23 @@ Fabric MechanicalProblem::fabric(const VecX& scaled) const {
   return fabric;
 }
 
-bool MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivatives derivatives,
-                                 MechanicalFrames& frames, std::string* reason) const {
-  const MechanicalFrames near = std::move(frames);
-  for (const bool from_measured : {near.empty(), true}) {
-    std::string found;
-    try {
-      frames = simulate_mechanical(trials_, fabric(scaled), derivatives, threads_,
-                                   from_measured ? nullptr : &near);
-    } catch (const Error& error) {
-      found = error.what();  // of values that the model refuses
-    }
-    for (std::size_t t = 0; found.empty() && t < frames.size(); ++t)
-      for (const MechanicalFrame& frame : frames[t])
-        if (!(frame.residual <= options_.largest_residual) && found.empty())
-          found = fmt::format("{}: no equilibrium at frame {}: a net force of {:.2g} N is left",
-                              trials_[t]->capture.name, frame.frame, frame.residual);
-    if (reason) *reason = found;
-    if (found.empty()) return true;
-    frames.clear();
-    if (from_measured) break;
+std::string MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivatives derivatives,
+                                        const MechanicalFrames* from,
+                                        MechanicalFrames& frames) const {
+  std::string reason;
+  try {
+    frames = simulate_mechanical(trials_, fabric(scaled), derivatives, threads_, from);
+  } catch (const Error& error) {
+    reason = error.what();  // of values that the model refuses
   }
-  return false;
+  for (std::size_t t = 0; reason.empty() && t < frames.size(); ++t)
+    for (const MechanicalFrame& frame : frames[t])
+      if (!(frame.residual <= options_.largest_residual) && reason.empty())
+        reason = fmt::format("{}: no equilibrium at frame {}: a net force of {:.2g} N is left",
+                             trials_[t]->capture.name, frame.frame, frame.residual);
+  if (reason.empty()) return {};
+  frames.clear();
+  return from ? simulate(scaled, derivatives, nullptr, frames) : reason;
 }
 
 void MechanicalProblem::add_force_residuals(const MechanicalTrial& trial,
@@ -212,11 +212,7 @@ void MechanicalProblem::residuals(const MechanicalTrial& trial, const Mechanical
   if (jacobian) jacobian->conservativeResize(count, parameters);
 }
 
-double MechanicalProblem::cost(const VecX& scaled, std::string* reason,
-                               MechanicalFrames* near) const {
-  MechanicalFrames own;
-  MechanicalFrames& frames = near ? *near : own;
-  if (!simulate(scaled, MechanicalDerivatives::none, frames, reason)) return kInfinity;
+double MechanicalProblem::cost_of(const MechanicalFrames& frames) const {
   double sum = 0;
   VecX r;
   for (std::size_t t = 0; t < trials_.size(); ++t)
@@ -227,17 +223,11 @@ double MechanicalProblem::cost(const VecX& scaled, std::string* reason,
   return sum / static_cast<double>(residual_count_);
 }
 
-MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled,
-                                                              MechanicalFrames* near) const {
+MechanicalProblem::Linearization MechanicalProblem::linearization_of(const MechanicalFrames& frames,
+                                                                     const VecX& scaled) const {
   Linearization result;
   result.model.gradient = VecX::Zero(dimension());
   result.model.hessian = MatX::Zero(dimension(), dimension());
-  MechanicalFrames own;
-  MechanicalFrames& frames = near ? *near : own;
-  if (!simulate(scaled, MechanicalDerivatives::all, frames, nullptr)) {
-    result.model.cost = kInfinity;
-    return result;
-  }
   VecX slopes(dimension());
   for (int i = 0; i < dimension(); ++i) slopes[i] = scaled_slope(info(i), scaled[i]);
   const double factor = 1 / static_cast<double>(residual_count_);
@@ -264,27 +254,183 @@ MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled
 
 namespace {
 
+/// Of an evaluation that found no equilibrium: infinity, and why.
+VecX refusal(const std::string& reason) {
+  NumberWriter writer;
+  writer.add(kInfinity);
+  for (const char c : reason) writer.add(static_cast<double>(c));
+  return writer.numbers();
+}
+
+std::string reason_of(const VecX& numbers) {
+  std::string reason;
+  if (std::isfinite(numbers[0])) return reason;
+  for (const double number : numbers.tail(numbers.size() - 1)) reason += static_cast<char>(number);
+  return reason;
+}
+
+VecX to_numbers(const MechanicalProblem::Linearization& l) {
+  NumberWriter writer;
+  writer.add(l.model.cost);
+  writer.add(static_cast<double>(l.inexact));
+  writer.add(l.model.gradient);
+  writer.add(l.model.hessian);
+  add_parts(l.parts, writer);
+  return writer.numbers();
+}
+
+MechanicalProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index n) {
+  MechanicalProblem::Linearization l;
+  if (!std::isfinite(numbers[0])) {
+    l.model = {kInfinity, VecX::Zero(n), MatX::Zero(n, n)};
+    return l;
+  }
+  NumberReader reader(numbers);
+  l.model.cost = reader.number();
+  l.inexact = static_cast<int>(reader.number());
+  l.model.gradient = reader.vector(n);
+  l.model.hessian = reader.matrix(n, n);
+  l.parts = read_parts(reader, n);
+  return l;
+}
+
+}  // namespace
+
+double MechanicalProblem::cost(const VecX& scaled, std::string* reason,
+                               MechanicalShapes* near) const {
+  const VecX numbers =
+      ask(Question::cost, scaled, near, [&](const MechanicalFrames* from, MechanicalFrames& found) {
+        const std::string why = simulate(scaled, MechanicalDerivatives::none, from, found);
+        return why.empty() ? VecX(VecX::Constant(1, cost_of(found))) : refusal(why);
+      });
+  if (reason) *reason = reason_of(numbers);
+  return numbers[0];
+}
+
+MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled,
+                                                              MechanicalShapes* near) const {
+  const VecX numbers =
+      ask(Question::linearization, scaled, near,
+          [&](const MechanicalFrames* from, MechanicalFrames& found) {
+            const std::string why = simulate(scaled, MechanicalDerivatives::all, from, found);
+            return why.empty() ? to_numbers(linearization_of(found, scaled)) : refusal(why);
+          });
+  return from_numbers(numbers, dimension());
+}
+
+VecX MechanicalProblem::ask(Question question, const VecX& scaled, MechanicalShapes* near,
+                            const Answer& answer) const {
+  MechanicalShapes after;
+  if (store_) {
+    after.evaluation_ = key(question, scaled, near);
+    if (const auto known = store_->find(after.evaluation_)) {
+      if (near) *near = std::isfinite((*known)[0]) ? after : MechanicalShapes();
+      return *known;
+    }
+  }
+  std::shared_ptr<const MechanicalFrames> from = near ? near->frames_ : nullptr;
+  if (near && !from && !near->evaluation_.empty())
+    from = std::make_shared<MechanicalFrames>(store_->shapes(near->evaluation_, trials_));
+  const auto found = std::make_shared<MechanicalFrames>();
+  VecX numbers = answer(from.get(), *found);
+  const bool finite = std::isfinite(numbers[0]);
+  after.frames_ = found;
+  if (store_) {
+    if (near && finite) store_->add_shapes(after.evaluation_, *found);
+    store_->add(after.evaluation_, numbers);
+    // What comes starts from here.
+    if (near && finite && question == Question::linearization)
+      store_->remove_shapes_but(after.evaluation_);
+  }
+  if (near) *near = finite ? after : MechanicalShapes();
+  return numbers;
+}
+
+std::string MechanicalProblem::key(Question question, const VecX& scaled,
+                                   const MechanicalShapes* near) const {
+  ContentHash hash;
+  hash.add(std::string_view(fingerprint_));
+  hash.add(question);
+  hash.add(scaled);
+  // An evaluation that keeps its shapes is not one that does not.
+  hash.add(near != nullptr);
+  if (near) hash.add(std::string_view(near->evaluation_));
+  return hash.hex();
+}
+
+std::string MechanicalProblem::fingerprint() const {
+  ContentHash hash;
+  for (const auto& trial : trials_) add_trial(hash, *trial);
+  add_fabric(hash, fabric_);
+  for (std::size_t i = 0; i < indices_.size(); ++i) {
+    hash.add(indices_[i]);
+    hash.add(followers_[i].size());
+    for (const int follower : followers_[i]) hash.add(follower);
+  }
+  hash.add(options_.residuals);
+  hash.add(options_.forces);
+  for (const double value : {options_.force_noise, options_.point_noise, options_.largest_residual})
+    hash.add(value);
+  return hash.hex();
+}
+
+void MechanicalProblem::keep_in(std::shared_ptr<MechanicalStore> store) {
+  store_ = std::move(store);
+  fingerprint_ = store_ ? fingerprint() : std::string();
+}
+
+namespace {
+
 /// - H^-1 gradient over the directions that the data determine.
-VecX gauss_newton_step(const QuadraticModel& model, std::size_t residual_count) {
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(model.hessian);
+VecX newton_step(const MatX& hessian, const VecX& gradient, std::size_t residual_count) {
+  const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
   const double least =
       2 / (static_cast<double>(residual_count) * kWidestDeviation * kWidestDeviation);
-  VecX along = eigen.eigenvectors().transpose() * model.gradient;
+  VecX along = eigen.eigenvectors().transpose() * gradient;
   for (Eigen::Index i = 0; i < along.size(); ++i)
     along[i] = eigen.eigenvalues()[i] > least ? -along[i] / eigen.eigenvalues()[i] : 0;
   return eigen.eigenvectors() * along;
 }
 
+/// The same within the ranges: what is at an end towards which the cost falls is held there, what
+/// the step would carry beyond one goes to it, and the others make up for that.
+VecX gauss_newton_step(const QuadraticModel& model, const VecX& scaled,
+                       std::size_t residual_count) {
+  VecX step = VecX::Zero(scaled.size());
+  std::vector<Eigen::Index> free = inside_bounds(scaled, model.gradient);
+  while (!free.empty()) {
+    const VecX gradient = model.gradient + model.hessian * step;
+    const VecX end =
+        scaled(free) + newton_step(model.hessian(free, free), gradient(free), residual_count);
+    std::vector<Eigen::Index> inside;
+    for (std::size_t k = 0; k < free.size(); ++k) {
+      const double value = end[static_cast<Eigen::Index>(k)];
+      if (value >= 0 && value <= 1)
+        inside.push_back(free[k]);
+      else
+        step[free[k]] = std::clamp(value, 0.0, 1.0) - scaled[free[k]];
+    }
+    if (inside.size() == free.size()) {
+      step(free) = end - scaled(free);
+      break;
+    }
+    free = std::move(inside);
+  }
+  return step;
+}
+
 /// MechanicalFitResult::mesh_shift.
 VecX mesh_shift(const MechanicalProblem& problem, const VecX& scaled, const QuadraticModel& here) {
-  const std::size_t count = problem.residual_count();
+  std::optional<MechanicalProblem> refined;
   try {
-    const QuadraticModel finer = problem.refined().linearize(scaled).model;
-    if (!std::isfinite(finer.cost)) return {};
-    return gauss_newton_step(finer, count) - gauss_newton_step(here, count);
+    refined = problem.refined();
   } catch (const Error&) {  // as fine as can be
     return {};
   }
+  const QuadraticModel finer = refined->linearize(scaled).model;
+  if (!std::isfinite(finer.cost)) return {};
+  const std::size_t count = problem.residual_count();
+  return gauss_newton_step(finer, scaled, count) - gauss_newton_step(here, scaled, count);
 }
 
 void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
@@ -302,7 +448,32 @@ void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
   result.condition = intervals.condition;
 }
 
+/// Evaluations of a problem that its store knew.
+class Replays {
+ public:
+  explicit Replays(const MechanicalProblem& problem)
+      : problem_(problem), before_(problem.replayed()) {}
+  std::size_t since() const { return problem_.replayed() - before_; }
+
+ private:
+  const MechanicalProblem& problem_;
+  std::size_t before_;
+};
+
 }  // namespace
+
+std::string fit_fingerprint(const MechanicalProblem& problem, const Fabric& start,
+                            const MechanicalFitOptions& options) {
+  ContentHash hash;
+  hash.add(std::string_view(problem.fingerprint()));
+  hash.add(problem.scaled(start));
+  const LeastSquaresOptions& search = options.least_squares;
+  hash.add(search.max_iterations);
+  for (const double value :
+       {search.step_tolerance, search.cost_tolerance, search.initial_damping, search.largest_step})
+    hash.add(value);
+  return hash.hex();
+}
 
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options,
@@ -313,31 +484,38 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
   result.start = problem.fabric(from);
   std::string reason;
   bool stopped = false;
-  const auto count = [&](double cost) {
-    MechanicalFitStep step{++result.evaluations, cost, cost};
+  // Of each evaluation its cost, and whether it was taken from the store.
+  const auto count = [&](const auto& evaluate) {
+    const Replays replays(problem);
+    const double cost = evaluate();
+    MechanicalFitStep step{++result.evaluations, cost, cost, replays.since() > 0};
+    result.replayed += replays.since();
     if (!result.history.empty()) step.best = std::min(step.best, result.history.back().best);
     result.history.push_back(step);
     if (observer && !observer(step)) stopped = true;
   };
-  MechanicalFrames shapes, tried;  // equilibria of the last linearization, and of the last cost
+  MechanicalShapes shapes, tried;  // equilibria of the last linearization, and of the last cost
   VecX tried_at;
   const LinearizeFunction linearize = [&](const VecX& x) {
-    if (tried_at.size() > 0 && tried_at == x) shapes = std::move(tried);
-    QuadraticModel model = problem.linearize(x, &shapes).model;
+    if (tried_at.size() > 0 && tried_at == x) shapes = tried;
+    QuadraticModel model;
+    count([&] {
+      model = problem.linearize(x, &shapes).model;
+      return model.cost;
+    });
     tried_at.resize(0);
-    count(model.cost);
     return model;
   };
   const CostFunction cost = [&](const VecX& x) {
     tried = shapes;
     tried_at = x;
-    const double value = problem.cost(x, nullptr, &tried);
-    count(value);
+    double value = 0;
+    count([&] { return value = problem.cost(x, nullptr, &tried); });
     return value;
   };
   result.cost_start = problem.cost(from, &reason, &shapes);
   if (!std::isfinite(result.cost_start))
-    throw Error(fmt::format("the start cannot be computed: {}", reason));
+    throw MechanicalStartError(fmt::format("the start cannot be computed: {}", reason));
   const VecX zero = VecX::Zero(from.size()), one = VecX::Ones(from.size());
   double reached = result.cost_start;
   int small_steps = 0;
@@ -354,8 +532,10 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
   result.cost = found.cost;
   result.end = found.end == LeastSquaresEnd::stopped && !stopped ? LeastSquaresEnd::small_reduction
                                                                  : found.end;
+  const Replays at_end_replays(problem);
   const MechanicalProblem::Linearization at_end = problem.linearize(found.x);
   ++result.evaluations;
+  result.replayed += at_end_replays.since();
   result.inexact = at_end.inexact;
   if (std::isfinite(at_end.model.cost)) add_intervals(problem, found.x, at_end, options, result);
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -368,7 +548,9 @@ MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fa
   MechanicalFitResult result;
   const VecX x = problem.scaled(fabric);
   result.start = result.fabric = problem.fabric(x);
+  const Replays replays(problem);
   const MechanicalProblem::Linearization found = problem.linearize(x);
+  result.replayed = replays.since();
   result.cost_start = result.cost = found.model.cost;
   result.evaluations = 1;
   result.end = LeastSquaresEnd::small_step;

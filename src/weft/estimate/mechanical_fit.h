@@ -4,11 +4,14 @@
 /// outer one. Parameters are searched in the scaled coordinates of parameter.h.
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "weft/base/error.h"
 #include "weft/estimate/least_squares.h"
 #include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/mechanical_store.h"
 #include "weft/estimate/mechanical_trial.h"
 #include "weft/estimate/uncertainty.h"
 
@@ -49,6 +52,15 @@ struct MechanicalCostOptions {
   double largest_residual = 1e-5;
 };
 
+/// Equilibria of an evaluation, for others to start from; none at first. Where the evaluation was
+/// found in a store they stay there until they are asked for.
+class MechanicalShapes {
+ private:
+  friend class MechanicalProblem;
+  std::string evaluation_;  ///< its key in the store; empty without one
+  std::shared_ptr<const MechanicalFrames> frames_;
+};
+
 /// Sum over frames of squared differences, each divided by its noise; the cost is its mean over the
 /// compared numbers (1 for a model that lacks nothing and noise as stated).
 class MechanicalProblem {
@@ -71,24 +83,43 @@ class MechanicalProblem {
   /// Infinity where a frame has no equilibrium or the model refuses the values; `reason` then says
   /// which. `near`: equilibria to start from, where there are any; those that were found, after.
   double cost(const VecX& scaled, std::string* reason = nullptr,
-              MechanicalFrames* near = nullptr) const;
+              MechanicalShapes* near = nullptr) const;
   struct Linearization {
     QuadraticModel model;
     std::vector<CostPart> parts;  ///< one a frame that is compared
     int inexact = 0;              ///< frames with inexact derivatives
   };
-  Linearization linearize(const VecX& scaled, MechanicalFrames* near = nullptr) const;
+  Linearization linearize(const VecX& scaled, MechanicalShapes* near = nullptr) const;
+
+  /// A hash of all that decides cost and derivatives: captures, meshes, fabric, parameters,
+  /// options.
+  std::string fingerprint() const;
+  /// Evaluations are then taken from there, or added. Several problems may share a store. Shapes
+  /// that were found before must not be used after.
+  void keep_in(std::shared_ptr<MechanicalStore> store);
+  /// Evaluations that were taken from the store since it was opened.
+  std::size_t replayed() const { return store_ ? store_->replayed() : 0; }
 
  private:
+  enum class Question { cost, linearization };
+  /// The numbers of the answer, the cost first; `found` stays empty where that is infinite. `from`
+  /// is null where there is nothing to start from.
+  using Answer = std::function<VecX(const MechanicalFrames* from, MechanicalFrames& found)>;
+  VecX ask(Question question, const VecX& scaled, MechanicalShapes* near,
+           const Answer& answer) const;
+  std::string key(Question question, const VecX& scaled, const MechanicalShapes* near) const;
+  double cost_of(const MechanicalFrames& frames) const;
+  Linearization linearization_of(const MechanicalFrames& frames, const VecX& scaled) const;
   void add_ties();
   bool uses_forces(const MechanicalTrial& trial) const;
   std::size_t force_count(const MechanicalFixture& fixture) const;
   void add_force_residuals(const MechanicalTrial& trial, const MechanicalFrame& frame,
                            Eigen::Index& count, VecX& r, MatX* jacobian) const;
   bool uses_points(const MechanicalTrial& trial) const;
-  /// From `frames` where they are not empty, and from the measured shapes where that fails.
-  bool simulate(const VecX& scaled, MechanicalDerivatives derivatives, MechanicalFrames& frames,
-                std::string* reason) const;
+  /// From `from` where it is there, and from the measured shapes where that fails. The reason why
+  /// there is no equilibrium, with no frames; empty where there is.
+  std::string simulate(const VecX& scaled, MechanicalDerivatives derivatives,
+                       const MechanicalFrames* from, MechanicalFrames& frames) const;
   /// Residuals of a frame, and their derivatives by the model's parameters if `jacobian` is there.
   void residuals(const MechanicalTrial& trial, const MechanicalFrame& frame, VecX& r,
                  MatX* jacobian) const;
@@ -100,6 +131,8 @@ class MechanicalProblem {
   MechanicalCostOptions options_;
   int threads_ = 0;
   std::size_t residual_count_ = 0;
+  std::shared_ptr<MechanicalStore> store_;
+  std::string fingerprint_;  ///< with a store
 };
 
 struct MechanicalFitOptions {
@@ -117,20 +150,23 @@ struct MechanicalFitOptions {
 struct MechanicalFitStep {
   std::size_t evaluation = 0;  ///< from 1; the first is the start
   double cost = 0, best = 0;
+  bool replayed = false;  ///< taken from the store
 };
 
 struct MechanicalFitResult {
   Fabric start, fabric;
   double cost_start = 0, cost = 0;
   std::size_t evaluations = 0;  ///< of all frames, with or without derivatives
+  std::size_t replayed = 0;     ///< of these, taken from the store
   std::vector<MechanicalFitStep> history;
   LeastSquaresEnd end = LeastSquaresEnd::max_iterations;
   /// Of the free parameters, by the jackknife over frames (uncertainty.h); empty with fewer than
   /// two compared frames.
   std::vector<ParameterInterval> intervals;
   /// With MeshError::included: how far the estimate would move on cells of half the width, scaled
-  /// coordinates, by a Gauss-Newton step there. Twice that, where it would go if the error fell in
-  /// proportion to the width, is in the intervals. Empty where a finer mesh has no equilibrium.
+  /// coordinates, by a Gauss-Newton step there within the ranges. Twice that, where it would go if
+  /// the error fell in proportion to the width, is in the intervals. Empty where a finer mesh has
+  /// no equilibrium.
   VecX mesh_shift;
   MatX correlation;      ///< of the free parameters, scaled coordinates
   double condition = 0;  ///< of the Gauss-Newton matrix
@@ -140,9 +176,20 @@ struct MechanicalFitResult {
 /// After each evaluation; false stops.
 using MechanicalFitObserver = std::function<bool(const MechanicalFitStep&)>;
 
+/// A hash of all that decides a search from `start`, for its MechanicalStore.
+std::string fit_fingerprint(const MechanicalProblem& problem, const Fabric& start,
+                            const MechanicalFitOptions& options = {});
+
+/// The start of a fit has no equilibrium, or values that the model refuses.
+class MechanicalStartError : public Error {
+ public:
+  using Error::Error;
+};
+
 /// From the values of `start`, with equilibria that start from those of the step before, until two
 /// steps in a row have lowered the sum of squares by less than 0.01 (a parameter one standard
-/// deviation off costs 1), or as the options say. Throws Error if they have no equilibrium.
+/// deviation off costs 1), or as the options say. Throws MechanicalStartError if the start cannot
+/// be computed.
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options = {},
                                    const MechanicalFitObserver& observer = {});

@@ -42,6 +42,8 @@ struct NumberStore::Impl {
       database.prepare("SELECT value FROM numbers WHERE problem = ?1 AND key = ?2");
   detail::Statement insert =
       database.prepare("INSERT OR IGNORE INTO numbers (problem, key, value) VALUES (?1, ?2, ?3)");
+  detail::Statement remove = database.prepare(
+      "DELETE FROM numbers WHERE problem = ?1 AND substr(key, 1, length(?2)) = ?2 AND key <> ?3");
   detail::Statement counter =
       database.prepare("SELECT count(*), count(*) FILTER (WHERE problem = ?1) FROM numbers");
   std::mutex mutex;
@@ -75,6 +77,15 @@ void NumberStore::add(std::string_view key, const VecX& numbers) {
   insert.bind(2, key);
   insert.bind(3, numbers);
   insert.run();
+}
+
+void NumberStore::remove_all_but(std::string_view prefix, std::string_view kept) {
+  const std::lock_guard lock(impl_->mutex);
+  detail::Statement& remove = impl_->remove;
+  remove.bind(1, impl_->problem);
+  remove.bind(2, prefix);
+  remove.bind(3, kept);
+  remove.run();
 }
 
 std::size_t NumberStore::count() const {

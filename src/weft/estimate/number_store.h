@@ -22,6 +22,8 @@ class NumberStore {
   std::optional<VecX> find(std::string_view key) const;
   /// What is there already stays.
   void add(std::string_view key, const VecX& numbers);
+  /// Removes what belongs to keys that begin with `prefix`, but for `kept`.
+  void remove_all_but(std::string_view prefix, std::string_view kept);
   std::size_t count() const;
 
  private:

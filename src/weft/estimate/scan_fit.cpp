@@ -12,6 +12,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 #include "weft/estimate/content_hash.h"
+#include "weft/estimate/packed_numbers.h"
 #include "weft/fabric/orthotropic.h"
 
 namespace weft {
@@ -338,47 +339,28 @@ namespace {
 
 /// A linearization as numbers: what is one, then each part.
 VecX to_numbers(const ScanProblem::Linearization& l) {
-  std::vector<double> numbers{l.model.cost, static_cast<double>(l.inexact), l.shape_rms,
-                              l.force_rms};
-  const auto add = [&](const auto& values) {
-    numbers.insert(numbers.end(), values.data(), values.data() + values.size());
-  };
-  add(l.model.gradient);
-  add(l.model.hessian);
-  add(l.target_rms);
-  for (const CostPart& part : l.parts) {
-    numbers.push_back(static_cast<double>(part.trial));
-    numbers.push_back(static_cast<double>(part.frame));
-    add(part.gradient);
-    add(part.hessian);
-  }
-  return VecX::Map(numbers.data(), static_cast<Eigen::Index>(numbers.size()));
+  NumberWriter writer;
+  for (const double number :
+       {l.model.cost, static_cast<double>(l.inexact), l.shape_rms, l.force_rms})
+    writer.add(number);
+  writer.add(l.model.gradient);
+  writer.add(l.model.hessian);
+  writer.add(l.target_rms);
+  add_parts(l.parts, writer);
+  return writer.numbers();
 }
 
 ScanProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index n, Eigen::Index targets) {
   ScanProblem::Linearization l;
-  Eigen::Index next = 0;
-  const auto one = [&] { return numbers[next++]; };
-  const auto vector = [&](Eigen::Index size) {
-    next += size;
-    return VecX(numbers.segment(next - size, size));
-  };
-  const auto matrix = [&] { return MatX(vector(n * n).reshaped(n, n)); };
-  l.model.cost = one();
-  l.inexact = static_cast<int>(one());
-  l.shape_rms = one();
-  l.force_rms = one();
-  l.model.gradient = vector(n);
-  l.model.hessian = matrix();
-  l.target_rms = vector(targets);
-  while (next < numbers.size()) {
-    CostPart part;
-    part.trial = static_cast<std::size_t>(one());
-    part.frame = static_cast<int>(one());
-    part.gradient = vector(n);
-    part.hessian = matrix();
-    l.parts.push_back(std::move(part));
-  }
+  NumberReader reader(numbers);
+  l.model.cost = reader.number();
+  l.inexact = static_cast<int>(reader.number());
+  l.shape_rms = reader.number();
+  l.force_rms = reader.number();
+  l.model.gradient = reader.vector(n);
+  l.model.hessian = reader.matrix(n, n);
+  l.target_rms = reader.vector(targets);
+  l.parts = read_parts(reader, n);
   return l;
 }
 
