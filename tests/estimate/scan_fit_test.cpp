@@ -251,7 +251,8 @@ TEST(ScanFit, HangsAreSplitBothWays) {
     EXPECT_TRUE(diagonals_run_alike(trials[0]->mesh));
     options.pattern = GridPattern::alternating;
     trials = prepare_scan(made.capture, made.shapes, options);
-    EXPECT_FALSE(diagonals_run_alike(trials[1]->mesh));
+    // Cells of its own beside a broad bar are those of mechanical tests.
+    EXPECT_EQ(diagonals_run_alike(trials[1]->mesh), cells > 0);
   }
 }
 
