@@ -269,14 +269,14 @@ TEST(FitMechanical, IntervalsHoldWhatTheMeshDoes) {
   const MechanicalProblem problem({trial}, truth, {"bend_uu"});
   MechanicalFitOptions options;
   const MechanicalFitResult without = fit_mechanical(problem, truth, options);
-  EXPECT_EQ(without.mesh_shift.size(), 0);
+  EXPECT_EQ(without.mesh.shift.size(), 0);
   ASSERT_EQ(without.intervals.size(), 1u);
   EXPECT_GT(without.intervals[0].lower, expected);
-  options.mesh_error = MechanicalFitOptions::MeshError::included;
+  options.mesh_error = MeshError::included;
   const MechanicalFitResult with = fit_mechanical(problem, truth, options);
   EXPECT_EQ(with.fabric.value("bend_uu"), without.fabric.value("bend_uu"));
-  ASSERT_EQ(with.mesh_shift.size(), 1);
-  EXPECT_LT(with.mesh_shift[0], 0);
+  ASSERT_EQ(with.mesh.shift.size(), 1);
+  EXPECT_LT(with.mesh.shift[0], 0);
   EXPECT_LT(with.intervals[0].lower, expected);
   EXPECT_GT(with.intervals[0].upper, expected);
 
@@ -286,7 +286,7 @@ TEST(FitMechanical, IntervalsHoldWhatTheMeshDoes) {
   EXPECT_EQ(finer.trials()[0]->options.cells, 10);
   const MechanicalFitResult there = fit_mechanical(finer, truth);
   const double moved = finer.scaled(there.fabric)[0] - problem.scaled(without.fabric)[0];
-  EXPECT_NEAR(with.mesh_shift[0], moved, 0.1 * std::abs(moved));
+  EXPECT_NEAR(with.mesh.shift[0], moved, 0.1 * std::abs(moved));
 }
 
 TEST(MechanicalProblem, RefusesWhatCannotBeFitted) {

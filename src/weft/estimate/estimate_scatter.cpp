@@ -11,15 +11,6 @@ namespace {
 constexpr double kManyDegrees = 1e6;  // of freedom: the normal distribution
 constexpr double kLeastLost = 1e-6;   // share of a parameter that no part determines
 
-std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient) {
-  std::vector<Eigen::Index> indices;
-  for (Eigen::Index i = 0; i < scaled.size(); ++i) {
-    const bool held = (scaled[i] <= 0 && gradient[i] > 0) || (scaled[i] >= 1 && gradient[i] < 0);
-    if (!held) indices.push_back(i);
-  }
-  return indices;
-}
-
 VecX noise_variances(const MatX& hessian, double dispersion) {
   const Eigen::LDLT<MatX> factor(hessian);
   const Eigen::Index n = hessian.rows();
@@ -33,6 +24,15 @@ double two_sided_quantile(double confidence, double degrees_of_freedom) {
 }
 
 }  // namespace
+
+std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient) {
+  std::vector<Eigen::Index> indices;
+  for (Eigen::Index i = 0; i < scaled.size(); ++i) {
+    const bool held = (scaled[i] <= 0 && gradient[i] > 0) || (scaled[i] >= 1 && gradient[i] < 0);
+    if (!held) indices.push_back(i);
+  }
+  return indices;
+}
 
 bool EstimateScatter::held(Eigen::Index i) const {
   return std::find(free.begin(), free.end(), i) == free.end();

@@ -20,6 +20,9 @@ struct EstimateScatter {
   bool determined(Eigen::Index i) const;
 };
 
+/// Parameters that no bound holds: those that are not at a bound towards which the cost falls.
+std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient);
+
 /// Parameters at a bound towards which the cost falls are held. The noise's variances are those of
 /// `dispersion` times the inverse of the cost's Gauss-Newton matrix, infinite where that is
 /// singular. `prior`: besides the parts, never left out; empty: nothing. With fewer than two parts

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -19,11 +18,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// deviation off costs 1.
 constexpr double kEnoughReduction = 0.01;
 constexpr int kEnoughSteps = 2;
-/// Of the way to cells of half the width: all of the way, if the error falls as the width.
-constexpr double kMeshLimit = 2;
-/// A direction whose standard deviation is more of the range is not determined (as in
-/// uncertainty.cpp).
-constexpr double kWidestDeviation = 0.5;
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -234,7 +228,7 @@ MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled
   result.model.hessian = MatX::Zero(dimension(), dimension());
   MechanicalFrames own;
   MechanicalFrames& frames = near ? *near : own;
-  if (!simulate(scaled, MechanicalDerivatives::all, frames, nullptr)) {
+  if (!simulate(scaled, MechanicalDerivatives::all, frames, &result.reason)) {
     result.model.cost = kInfinity;
     return result;
   }
@@ -264,39 +258,17 @@ MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled
 
 namespace {
 
-/// - H^-1 gradient over the directions that the data determine.
-VecX gauss_newton_step(const QuadraticModel& model, std::size_t residual_count) {
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(model.hessian);
-  const double least =
-      2 / (static_cast<double>(residual_count) * kWidestDeviation * kWidestDeviation);
-  VecX along = eigen.eigenvectors().transpose() * model.gradient;
-  for (Eigen::Index i = 0; i < along.size(); ++i)
-    along[i] = eigen.eigenvalues()[i] > least ? -along[i] / eigen.eigenvalues()[i] : 0;
-  return eigen.eigenvectors() * along;
-}
-
-/// MechanicalFitResult::mesh_shift.
-VecX mesh_shift(const MechanicalProblem& problem, const VecX& scaled, const QuadraticModel& here) {
-  const std::size_t count = problem.residual_count();
-  try {
-    const QuadraticModel finer = problem.refined().linearize(scaled).model;
-    if (!std::isfinite(finer.cost)) return {};
-    return gauss_newton_step(finer, count) - gauss_newton_step(here, count);
-  } catch (const Error&) {  // as fine as can be
-    return {};
-  }
-}
-
 void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
                    const MechanicalProblem::Linearization& found,
                    const MechanicalFitOptions& options, MechanicalFitResult& result) {
-  if (options.mesh_error == MechanicalFitOptions::MeshError::included)
-    result.mesh_shift = mesh_shift(problem, scaled, found.model);
+  if (options.mesh_error == MeshError::included)
+    result.mesh = find_mesh_shift(problem, scaled, found);
+  if (!std::isfinite(found.model.cost)) return;
   std::vector<ParameterInfo> infos;
   for (int i = 0; i < problem.dimension(); ++i) infos.push_back(problem.info(i));
   ResidualIntervals intervals =
       residual_intervals(infos, scaled, found.model, found.parts, problem.residual_count(),
-                         options.confidence, kMeshLimit * result.mesh_shift.cwiseAbs());
+                         options.confidence, mesh_half_widths(result.mesh.shift));
   result.intervals = std::move(intervals.intervals);
   result.correlation = std::move(intervals.correlation);
   result.condition = intervals.condition;
@@ -357,7 +329,7 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
   const MechanicalProblem::Linearization at_end = problem.linearize(found.x);
   ++result.evaluations;
   result.inexact = at_end.inexact;
-  if (std::isfinite(at_end.model.cost)) add_intervals(problem, found.x, at_end, options, result);
+  add_intervals(problem, found.x, at_end, options, result);
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }
@@ -373,7 +345,7 @@ MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fa
   result.evaluations = 1;
   result.end = LeastSquaresEnd::small_step;
   result.inexact = found.inexact;
-  if (std::isfinite(result.cost)) add_intervals(problem, x, found, options, result);
+  add_intervals(problem, x, found, options, result);
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }
