@@ -95,9 +95,8 @@ TEST_F(Scan, ChecksEvaluatesAndFits) {
 
 TEST_F(Scan, IntervalsSayWhatTheMeshDoes) {
   const auto fit = [&](const std::string& out, std::vector<std::string> more) {
-    std::vector<std::string> words{"fit",       path("scan"),       "--out",        path(out),
-                                   "--initial", "larionov-initial", "--parameters", "membrane_uu",
-                                   "bend",      "--descriptor",     "position"};
+    std::vector<std::string> words{"fit",     path("scan"), "--out",
+                                   path(out), "--initial",  "larionov-initial"};
     words.insert(words.end(), more.begin(), more.end());
     const Outcome outcome = weft(words);
     EXPECT_EQ(outcome.status, 0) << outcome.err;
@@ -111,7 +110,7 @@ TEST_F(Scan, IntervalsSayWhatTheMeshDoes) {
               Not(HasSubstr("What the width of the cells does")));
   EXPECT_TRUE(without["mesh_shift"].is_object());
   EXPECT_TRUE(without["mesh_shift"].empty());
-  ASSERT_EQ(with["mesh_shift"].size(), 2u);
+  ASSERT_EQ(with["mesh_shift"].size(), 5u);
   const auto upper = [](const nlohmann::json& result, const char* name) {
     return result["parameters"][name]["interval_upper"].get<double>();
   };

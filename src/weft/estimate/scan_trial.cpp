@@ -336,7 +336,7 @@ std::shared_ptr<const ScanTrial> refined(const ScanTrial& trial) {
   const std::vector<double> u = halved(lines.u), v = halved(lines.v);
   const std::size_t cells = std::min(u.size(), v.size()) - 1;
   if (cells > at(kMostCells))
-    throw Error(fmt::format("target \"{}\" would have {} cells across, most are {}",
+    throw Error(fmt::format("target \"{}\" would have {} cells across, more than {}",
                             trial.target.name, cells, kMostCells));
   auto finer = std::make_shared<ScanTrial>(trial);
   finer->mesh = make_swatch(u, v, GridPattern::uniform);
