@@ -134,7 +134,7 @@ Fabric wrong_fabric(const Fabric& truth, const Start& start) {
 
 MechanicalFitOptions with_mesh_error() {
   MechanicalFitOptions options;
-  options.mesh_error = MechanicalFitOptions::MeshError::included;
+  options.mesh_error = MeshError::included;
   return options;
 }
 

@@ -39,7 +39,7 @@ struct Arguments {
   RigOptions rig;
   int starts = 1;
   int threads = 0;
-  MechanicalFitOptions::MeshError mesh_error = MechanicalFitOptions::MeshError::included;
+  MeshError mesh_error = MeshError::included;
   std::string skip;  ///< a component that is not searched and starts at the truth
   bool has(const std::string& part) const {
     return std::find(parts.begin(), parts.end(), part) != parts.end();

@@ -130,12 +130,13 @@ void table1(const Arguments& arguments, bool noisy) {
   const auto trials = prepare_scan(targets.capture, targets.shapes, scan);
   const ScanProblem problem(trials, arguments.make_solver(), truth, default_scan_parameters());
   print_targets(problem, truth, "at the truth");
-  const ScanFitResult fit = fit_scan(problem, start, arguments.fit, [](const ScanFitStep& step) {
-    fmt::print(stderr, "{} {} cost {:.6g} best {:.6g}\n", step.evaluation, step.phase, step.cost,
-               step.best);
-    return true;
-  });
-  print_fit(fit, &truth);
+  const ScanFitResult fit =
+      fit_scan(problem, start, arguments.with_mesh_error(), [](const ScanFitStep& step) {
+        fmt::print(stderr, "{} {} cost {:.6g} best {:.6g}\n", step.evaluation, step.phase,
+                   step.cost, step.best);
+        return true;
+      });
+  print_fit(problem, fit, &truth);
   print_targets(problem, fit.fabric, "at the estimate");
   compare_unseen(fit.fabric, truth,
                  square(arguments.cells, arguments.pattern.value_or(GridPattern::uniform)));

@@ -1,8 +1,11 @@
 #include <fmt/format.h>
 
+#include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "scan_validation.h"
+#include "weft/estimate/estimate_scatter.h"
 #include "weft/fabric/orthotropic.h"
 
 namespace weft {
@@ -21,9 +24,44 @@ void print_errors(const Fabric& found, const Fabric& truth) {
              100 * (a.poisson / b.poisson - 1), 100 * (a.b / b.b - 1));
 }
 
+std::string interval_text(const ParameterInterval& p, double truth) {
+  if (!p.determined) return "not determined";
+  const bool holds = p.lower <= truth && truth <= p.upper;
+  return fmt::format("{:.5g} to {:.5g}{}", p.lower, p.upper,
+                     std::isnan(truth) ? ""
+                     : holds           ? " holds"
+                                       : " MISSES");
+}
+
+/// Of the noise alone, and with what the width of the cells does.
+void print_intervals(const ScanProblem& problem, const ScanFitResult& fit, const Fabric* truth) {
+  if (fit.intervals.empty()) return;
+  if (!fit.mesh.unknown.empty()) fmt::print("mesh's error unknown: {}\n", fit.mesh.unknown);
+  fmt::print("  {:<15} {:>11} {:>9} {:>9}  {:<32} {}\n", "parameter", "found", "error", "mesh",
+             "90 % of the noise", "90 % of noise and mesh");
+  const VecX scaled = problem.scaled(fit.fabric), added = mesh_half_widths(fit.mesh.shift);
+  for (std::size_t k = 0; k < fit.intervals.size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
+    const ParameterInterval& p = fit.intervals[k];
+    const ScanParameter& parameter = problem.parameters()[k];
+    const auto& [index, factor] = parameter.values.front();
+    const double value =
+        truth ? truth->values[index] / factor : std::numeric_limits<double>::quiet_NaN();
+    const double moved = added.size() == 0
+                             ? std::numeric_limits<double>::quiet_NaN()
+                             : from_scaled(parameter.info, scaled[i] + fit.mesh.shift[i]) / p.value;
+    ParameterInterval noise = p;
+    if (p.determined && added.size() > 0)
+      noise = interval_about(parameter.info, scaled[i], p.half_width - added[i]);
+    fmt::print("  {:<15} {:>11.5g} {:>8.2f}% {:>8.2f}%  {:<32} {}\n", p.name, p.value,
+               100 * (p.value / value - 1), 100 * (moved - 1), interval_text(noise, value),
+               interval_text(p, value));
+  }
+}
+
 }  // namespace
 
-void print_fit(const ScanFitResult& fit, const Fabric* truth) {
+void print_fit(const ScanProblem& problem, const ScanFitResult& fit, const Fabric* truth) {
   fmt::print("{:<9} {:>10} {:>10} {:>10} {:>9} {:>12}\n", "", "E_u N/m", "E_v N/m", "mu N/m", "nu",
              "b N m");
   print_moduli("start", fit.start);
@@ -46,13 +84,7 @@ void print_fit(const ScanFitResult& fit, const Fabric* truth) {
         a.e_u, a.e_v, a.shear, a.poisson, a.b, b.e_u, b.e_v, b.shear, b.poisson, b.b,
         fit.ends[i].cost, fit.ends[i].iterations);
   }
-  for (const ParameterInterval& p : fit.intervals) {
-    fmt::print("  {:<15} {:>11.5g} {:<4} ", p.name, p.value, p.unit);
-    if (p.determined)
-      fmt::print("90 % {:.5g} to {:.5g}\n", p.lower, p.upper);
-    else
-      fmt::print("not determined\n");
-  }
+  print_intervals(problem, fit, truth);
   std::fflush(stdout);
 }
 

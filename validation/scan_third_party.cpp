@@ -114,8 +114,8 @@ void fit_mechanical_fabric(const Arguments& arguments, const std::string& name) 
                free.size());
     const ScanProblem problem(trials, arguments.make_solver(), start, free);
     if (free.size() > 5) print_targets(problem, truth, "at the truth");
-    const ScanFitResult fit = fit_scan(problem, start, arguments.fit);
-    print_fit(fit, &truth);
+    const ScanFitResult fit = fit_scan(problem, start, arguments.with_mesh_error());
+    print_fit(problem, fit, &truth);
     print_bending(fit.fabric, truth);
     print_targets(problem, fit.fabric, "at the estimate");
   }
@@ -193,8 +193,8 @@ void capture_scans(const Arguments& arguments) {
     print_targets(problem, source, "at the source's continuum values");
     for (const Fabric& from : {source, start}) {
       fmt::print("from {}\n", from.name);
-      const ScanFitResult fit = fit_scan(problem, from, arguments.fit);
-      print_fit(fit, &source);
+      const ScanFitResult fit = fit_scan(problem, from, arguments.with_mesh_error());
+      print_fit(problem, fit, &source);
       print_targets(problem, fit.fabric, "at the estimate");
     }
   }

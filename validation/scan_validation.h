@@ -23,6 +23,13 @@ struct Arguments {
   std::vector<std::string> fabrics;  ///< empty: all
   ScanFitOptions fit;
   std::string solver = "static";
+  /// Of the fits whose intervals are shown.
+  ScanFitOptions with_mesh_error() const {
+    ScanFitOptions options = fit;
+    options.mesh_error = MeshError::included;
+    if (solver != "static") options.mesh_solver = make_static_solver();
+    return options;
+  }
   std::shared_ptr<const EquilibriumSolver> make_solver() const {
     if (solver == "xpbd") return make_xpbd_solver();
     return make_static_solver();
@@ -32,8 +39,9 @@ struct Arguments {
   }
 };
 
-/// Errors against the truth, unless it is null.
-void print_fit(const ScanFitResult& fit, const Fabric* truth);
+/// Errors against the truth, unless it is null, and intervals, of the noise alone and with what the
+/// width of the cells does.
+void print_fit(const ScanProblem& problem, const ScanFitResult& fit, const Fabric* truth);
 void print_targets(const ScanProblem& problem, const Fabric& fabric, const char* name);
 
 /// Frames of mechanical captures as scans with magnitudes of force.

@@ -55,6 +55,7 @@ struct Arguments {
   bool no_variability = false;
   bool variability_curves = false;
   bool overwrite = false;
+  bool no_mesh_error = false;
   std::string name;
   TrialArguments trial;
   MechanicalArguments mechanical;
@@ -363,12 +364,17 @@ const std::vector<std::string> kVideoFitOptions{
     "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",
     "--iterations", "--simplex", "--no-variability", "--variability-curves"};
 const std::vector<std::string> kMechanicalFitOptions{"--residuals", "--force-noise",
-                                                     "--point-noise", kNoMeshError};
+                                                     "--point-noise"};
+
+MeshError mesh_error_of(const Arguments& arguments) {
+  return arguments.no_mesh_error ? MeshError::left_out : MeshError::included;
+}
 
 void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
   refuse_options(command, video_option_names(), "mechanical captures");
   MechanicalFitArguments fit = tests_of(arguments);
+  fit.mesh_error = mesh_error_of(arguments);
   fit.initial = arguments.initial;
   if (!arguments.model.empty()) fit.model = arguments.model;
   if (command.count("--start") > 0) fit.start = arguments.start;
@@ -386,6 +392,7 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kMechanicalFitOptions, "scans");
   refuse_options(command, {"--start", "--model"}, "scans");
   ScanFitArguments fit = arguments.scan_fit;
+  fit.mesh_error = mesh_error_of(arguments);
   fit.captures = arguments.captures;
   fit.out = arguments.out;
   fit.initial = arguments.initial;
@@ -396,6 +403,7 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
   fit.threads = arguments.trial.threads();
   fit.options = arguments.scan.options(command, fit.threads);
   fit.solver = arguments.scan.solver();
+  fit.mesh_solver = arguments.scan.mesh_solver();
   run_scan_fit(fit);
 }
 
@@ -419,11 +427,11 @@ void run_by_kind(Arguments& arguments, const CLI::App& command) {
     return;
   }
   refuse_options(command, CurveFitArguments::names(), "videos");
+  refuse_options(command, {kNoMeshError}, "videos");
   if (arguments.tests.empty()) {
     refuse_options(command, MechanicalArguments::names(), "videos");
     refuse_options(command, kMechanicalFitOptions, "videos");
   } else {
-    refuse_options(command, {kNoMeshError}, "videos");
     // The tests say where to start.
     refuse_options(command, {"--start", "--coarse", "--coarse-levels", "--coarse-frames"},
                    "videos with mechanical captures");
@@ -521,8 +529,8 @@ void add_fit(CLI::App& app) {
       ->check(number_in(1e-9, 1))
       ->capture_default_str();
   command->add_flag(
-      kNoMeshError, mechanical.no_mesh_error,
-      "mechanical captures: intervals without what the width of the cells does, which "
+      kNoMeshError, arguments->no_mesh_error,
+      "mechanical captures and scans: intervals without what the width of the cells does, which "
       "one evaluation on cells of half the width tells");
   arguments->scan.add_to(*command);
   arguments->scan_fit.add_to(*command);

@@ -86,12 +86,13 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
       "mean of squared differences of force components and coordinates, each divided by its noise";
   report.evaluations = fit.evaluations;
   report.wall_s = fit.wall_s;
-  report.settings = {{"residuals", arguments.residuals},
-                     {"force noise (N)", arguments.force_noise},
-                     {"point noise (m)", arguments.point_noise},
-                     {"cells", static_cast<std::int64_t>(arguments.options.cells)},
-                     {"intervals", fit.mesh_shift.size() > 0 ? "noise and mesh" : "noise"},
-                     {"start", arguments.start}};
+  report.settings = {
+      {"residuals", arguments.residuals},
+      {"force noise (N)", arguments.force_noise},
+      {"point noise (m)", arguments.point_noise},
+      {"cells", static_cast<std::int64_t>(arguments.options.cells)},
+      {std::string(intervals_setting), interval_contents(arguments.mesh_error, fit.mesh)},
+      {"start", arguments.start}};
   for (int i = 0; i < fit.fabric.values.size(); ++i) {
     const ParameterInfo info = fit.fabric.info(i);
     ReportParameter p = held_parameter(info, fit.fabric, initial_value(fit.start, info.name));
@@ -104,27 +105,9 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
     report.history.push_back({step.evaluation, "least squares", step.cost, step.best, 0});
     if (!std::isfinite(step.cost)) ++report.diverged;
   }
-  if (!arguments.no_mesh_error && fit.mesh_shift.size() == 0 && !fit.intervals.empty())
-    report.remarks.push_back(
-        "On cells of half the width some frame has no equilibrium, or they would be more than may "
-        "be: the intervals leave out what the width of the cells does.");
+  add_mesh_remark(fit.mesh, report);
   add_inexact_remark(fit.inexact, "frames", report);
   return report;
-}
-
-/// Value on cells of half the width over that at hand, less 1; for parameters that are searched
-/// linearly the difference. By name.
-nlohmann::json mesh_shifts(const MechanicalFitResult& fit) {
-  nlohmann::json shifts = nlohmann::json::object();
-  for (Eigen::Index i = 0; i < fit.mesh_shift.size(); ++i) {
-    const ParameterInterval& interval = fit.intervals[static_cast<std::size_t>(i)];
-    const ParameterInfo info = fit.fabric.info(fit.fabric.value_index(interval.name));
-    const double scaled = to_scaled(info, interval.value);
-    const double finer = from_scaled(info, scaled + fit.mesh_shift[i]);
-    shifts[interval.name] =
-        info.scale == Scale::logarithmic ? finer / interval.value - 1 : finer - interval.value;
-  }
-  return shifts;
 }
 
 /// result.json with one entry a capture under "mechanical".
@@ -140,7 +123,14 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
     list.push_back(entry);
   }
   result["mechanical"] = list;
-  result["mesh_shift"] = mesh_shifts(found.fit);
+  std::vector<ParameterInfo> infos;
+  for (const std::string& name : found.free)
+    infos.push_back(found.fit.fabric.info(found.fit.fabric.value_index(name)));
+  VecX scaled(static_cast<Eigen::Index>(infos.size()));
+  for (std::size_t i = 0; i < infos.size(); ++i)
+    scaled[static_cast<Eigen::Index>(i)] =
+        to_scaled(infos[i], found.fit.fabric.value(found.free[i]));
+  result["mesh_shift"] = mesh_shift_json(infos, scaled, found.fit.mesh);
   if (!found.stages.empty()) add_curves(found, result);
   return result.dump(2) + "\n";
 }
@@ -181,7 +171,7 @@ CurveFitResult search(const MechanicalFitArguments& arguments,
     return !interrupted();
   };
   MechanicalFitOptions fit;
-  if (!arguments.no_mesh_error) fit.mesh_error = MechanicalFitOptions::MeshError::included;
+  fit.mesh_error = arguments.mesh_error;
   CurveFitResult result;
   if (arguments.curves) {
     const MechanicalProblem all(trials, initial, all_parameters(initial), cost, arguments.threads);

@@ -74,12 +74,17 @@ Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem
        arguments.options.pattern ? std::string(name_of(*arguments.options.pattern)) : "auto"},
       {"schedule", arguments.schedule},
       {"balance", arguments.balance},
-      {"random starts", static_cast<std::int64_t>(arguments.random_starts)}};
+      {"random starts", static_cast<std::int64_t>(arguments.random_starts)},
+      {std::string(intervals_setting), interval_contents(arguments.mesh_error, fit.mesh)}};
+  if (arguments.mesh_error == MeshError::included && arguments.mesh_solver)
+    report.settings.emplace_back("solver of the mesh's error",
+                                 std::string(arguments.mesh_solver->name()));
   report.parameters = report_parameters(problem, fit);
   for (const ScanFitStep& step : fit.history) {
     report.history.push_back({step.evaluation, step.phase, step.cost, step.best, 0});
     if (!std::isfinite(step.cost)) ++report.diverged;
   }
+  add_mesh_remark(fit.mesh, report);
   add_inexact_remark(fit.inexact, "targets", report);
   return report;
 }
@@ -88,7 +93,7 @@ nlohmann::json moduli_json(const OrthotropicModuli& m) {
   return {{"E_u", m.e_u}, {"E_v", m.e_v}, {"mu", m.shear}, {"nu", m.poisson}, {"b", m.b}};
 }
 
-std::string result_text(const Report& report, const ScanFitResult& fit,
+std::string result_text(const Report& report, const ScanProblem& problem, const ScanFitResult& fit,
                         const std::vector<std::shared_ptr<const ScanTrial>>& trials,
                         const std::vector<ScanDifference>& differences) {
   nlohmann::json result = nlohmann::json::parse(result_to_json(report));
@@ -109,6 +114,7 @@ std::string result_text(const Report& report, const ScanFitResult& fit,
                     {"shape_rms", fit.shape_rms},
                     {"force_rms", fit.force_rms},
                     {"targets", targets}};
+  result["mesh_shift"] = mesh_shift_json(problem.infos(), problem.scaled(fit.fabric), fit.mesh);
   return result.dump(2) + "\n";
 }
 
@@ -199,6 +205,8 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   options.balance = scan_balance_from_name(arguments.balance);
   options.random_starts = arguments.random_starts;
   options.seed = arguments.seed;
+  options.mesh_error = arguments.mesh_error;
+  options.mesh_solver = arguments.mesh_solver;
   ScanProblem problem(trials, arguments.solver, initial, arguments.parameters, {},
                       arguments.threads);
   prepare_fit_folder(out, {kStoreName},
@@ -219,7 +227,7 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   for (std::size_t i = 0; i < trials.size(); ++i)
     differences.push_back(compare_scan(*trials[i], simulations[i]));
   const Report report = make_report(arguments, problem, fit, names);
-  write_text(out / "result.json", result_text(report, fit, trials, differences));
+  write_text(out / "result.json", result_text(report, problem, fit, trials, differences));
   write_report_html(out / "report.html", report, {},
                     report_of_scan(captures, trials, simulations, differences));
   print_result(fit, report, trials, differences);

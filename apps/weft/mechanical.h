@@ -52,7 +52,7 @@ struct MechanicalFitArguments {
   std::string residuals = "auto";
   double force_noise = 3e-3;
   double point_noise = 75e-6;
-  bool no_mesh_error = false;  ///< intervals leave out what the width of the cells does
+  MeshError mesh_error = MeshError::included;
   std::uint64_t seed = 1;
   bool overwrite = false;
   int threads = 0;

@@ -117,6 +117,32 @@ void add_inexact_remark(int count, const std::string& of_what, Report& report) {
                   count, of_what));
 }
 
+std::string interval_contents(MeshError asked, const MeshShift& mesh) {
+  if (asked == MeshError::left_out) return "noise";
+  return std::string(mesh.unknown.empty() ? noise_and_mesh : "noise (the mesh's error is unknown)");
+}
+
+void add_mesh_remark(const MeshShift& mesh, Report& report) {
+  if (mesh.unknown.empty()) return;
+  report.remarks.push_back(fmt::format(
+      "The intervals leave out what the width of the cells does, which is not known: {}.",
+      mesh.unknown));
+}
+
+nlohmann::json mesh_shift_json(const std::vector<ParameterInfo>& infos, const VecX& scaled,
+                               const MeshShift& mesh) {
+  if (!mesh.unknown.empty()) return nullptr;
+  nlohmann::json shifts = nlohmann::json::object();
+  for (Eigen::Index i = 0; i < mesh.shift.size(); ++i) {
+    const ParameterInfo& info = infos[static_cast<std::size_t>(i)];
+    const double value = from_scaled(info, scaled[i]);
+    const double finer = from_scaled(info, scaled[i] + mesh.shift[i]);
+    shifts[std::string(info.name)] =
+        info.scale == Scale::logarithmic ? finer / value - 1 : finer - value;
+  }
+  return shifts;
+}
+
 ReportPerturbation report_perturbation(const PerturbationCurve& curve) {
   return {curve.name,
           curve.relative,

@@ -2,12 +2,14 @@
 /// From what a fit found to what a report shows.
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "options.h"
 #include "weft/estimate/evaluate_capture.h"
 #include "weft/estimate/fit.h"
+#include "weft/estimate/mesh_error.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/report/pictures.h"
 #include "weft/report/report.h"
@@ -33,6 +35,16 @@ ReportParameter held_parameter(const ParameterInfo& info, const Fabric& fabric, 
 void add_interval(const ParameterInterval& interval, double factor, ReportParameter& parameter);
 /// Of `count` "frames" or "targets" whose derivatives are not exact; nothing for none.
 void add_inexact_remark(int count, const std::string& of_what, Report& report);
+
+/// What the intervals of a fit to captures at rest hold, for the settings of its report.
+std::string interval_contents(MeshError asked, const MeshShift& mesh);
+/// Why what the width of the cells does is not known; nothing where it is or was not asked for.
+void add_mesh_remark(const MeshShift& mesh, Report& report);
+/// `mesh_shift` of result.json, by name: the value on cells of half the width over that at
+/// `scaled`, less 1; for parameters that are searched linearly the difference. Empty where the
+/// shift was left out, null where it is not known.
+nlohmann::json mesh_shift_json(const std::vector<ParameterInfo>& infos, const VecX& scaled,
+                               const MeshShift& mesh);
 
 /// Measured and simulated frames and their angle maps, for the report's slider. Reads the video.
 CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory);

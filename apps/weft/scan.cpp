@@ -53,6 +53,11 @@ std::shared_ptr<const EquilibriumSolver> ScanArguments::solver() const {
   return make_static_solver();
 }
 
+std::shared_ptr<const EquilibriumSolver> ScanArguments::mesh_solver() const {
+  if (solver_ == "static") return nullptr;
+  return make_static_solver();
+}
+
 const std::vector<std::string>& ScanArguments::names() {
   static const std::vector<std::string> names{"--descriptor", "--solver", "--pattern",
                                               "--registered-cells"};

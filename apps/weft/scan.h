@@ -17,6 +17,9 @@ class ScanArguments {
   /// `command`: whose --cells, an option of mechanical captures too, counts where it was given.
   ScanOptions options(const CLI::App& command, int threads) const;
   std::shared_ptr<const EquilibriumSolver> solver() const;
+  /// Of the evaluations that tell what the width of the cells does: the static solver, as XPBD
+  /// takes long on fine meshes; null where it is solver() already.
+  std::shared_ptr<const EquilibriumSolver> mesh_solver() const;
   /// Options that only mean something for scans.
   static const std::vector<std::string>& names();
 
@@ -50,11 +53,13 @@ struct ScanFitArguments {
   std::string balance = "residual";
   int rounds = ScanFitOptions().rounds;
   int random_starts = ScanFitOptions().random_starts;
+  MeshError mesh_error = MeshError::included;
   std::uint64_t seed = 1;
   bool overwrite = false;
   int threads = 0;
   ScanOptions options;
   std::shared_ptr<const EquilibriumSolver> solver;
+  std::shared_ptr<const EquilibriumSolver> mesh_solver;  ///< as in ScanFitOptions
 
   void add_to(CLI::App& command);
   static const std::vector<std::string>& names();

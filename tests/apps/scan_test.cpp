@@ -1,7 +1,9 @@
 /// The subcommands that take scans, as a process.
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "apps/program.h"
 #include "apps/store.h"
@@ -14,6 +16,7 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 constexpr double kSide = 0.1;  // m
 
@@ -78,6 +81,47 @@ TEST_F(Scan, ChecksEvaluatesAndFits) {
     EXPECT_EQ(target["within_near"], 1);
   }
   EXPECT_EQ(evaluation["targets"][1]["clamps"][0]["name"], "left");
+}
+
+TEST_F(Scan, IntervalsSayWhatTheMeshDoes) {
+  const auto fit = [&](const std::string& out, std::vector<std::string> more) {
+    std::vector<std::string> words{"fit",     path("scan"), "--out",
+                                   path(out), "--initial",  "larionov-initial"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Outcome outcome = weft(words);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return nlohmann::json::parse(text_of(folder_ / out / "result.json"));
+  };
+  const nlohmann::json with = fit("with", {}), without = fit("without", {"--no-mesh-error"});
+  EXPECT_EQ(with["settings"]["intervals"], "noise and mesh");
+  EXPECT_EQ(without["settings"]["intervals"], "noise");
+  EXPECT_THAT(text_of(folder_ / "with/report.html"), HasSubstr("What the width of the cells does"));
+  EXPECT_THAT(text_of(folder_ / "without/report.html"),
+              Not(HasSubstr("What the width of the cells does")));
+  EXPECT_TRUE(without["mesh_shift"].is_object());
+  EXPECT_TRUE(without["mesh_shift"].empty());
+  ASSERT_EQ(with["mesh_shift"].size(), 5u);
+  const auto upper = [](const nlohmann::json& result, const char* name) {
+    return result["parameters"][name]["interval_upper"].get<double>();
+  };
+  // One rigidity in all directions.
+  for (const auto& [searched, name] :
+       {std::pair("membrane_uu", "membrane_uu"), std::pair("bend", "bend_uu"),
+        std::pair("bend", "bend_vv"), std::pair("bend", "bend_twist")}) {
+    const double shift = with["mesh_shift"][searched].get<double>();
+    EXPECT_GT(std::abs(shift), 1e-4) << name;
+    EXPECT_NEAR(upper(with, name) / upper(without, name), std::exp(2 * std::abs(std::log1p(shift))),
+                1e-6)
+        << name;
+  }
+  // XPBD solves the same equations; the static solver takes the finer cells.
+  const nlohmann::json by_xpbd = fit("xpbd", {"--solver", "xpbd"});
+  EXPECT_EQ(by_xpbd["settings"]["solver of the mesh's error"], "static");
+  EXPECT_FALSE(with["settings"].contains("solver of the mesh's error"));
+  for (const char* name : {"membrane_uu", "bend"}) {
+    const double shift = with["mesh_shift"][name].get<double>();
+    EXPECT_NEAR(by_xpbd["mesh_shift"][name].get<double>(), shift, 0.05 * std::abs(shift)) << name;
+  }
 }
 
 TEST_F(Scan, AKilledFitContinues) {

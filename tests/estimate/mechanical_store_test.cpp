@@ -62,7 +62,7 @@ void expect_same(const MechanicalFitResult& a, const MechanicalFitResult& b) {
   EXPECT_EQ(a.cost, b.cost);
   EXPECT_EQ(a.end, b.end);
   EXPECT_EQ(a.evaluations, b.evaluations);
-  EXPECT_EQ(a.mesh_shift, b.mesh_shift);
+  EXPECT_EQ(a.mesh.shift, b.mesh.shift);
   EXPECT_EQ(a.condition, b.condition);
   EXPECT_EQ(a.inexact, b.inexact);
   ASSERT_EQ(a.intervals.size(), b.intervals.size());
@@ -109,7 +109,7 @@ TEST_F(MechanicalStoreTest, AFitContinuesAfterAnyEvaluation) {
   const std::vector<std::string> free{"weft_bend", "weft_stretch_1", "weft_stretch_2"};
   const MechanicalProblem problem(trials, start, free);
   MechanicalFitOptions options;
-  options.mesh_error = MechanicalFitOptions::MeshError::included;
+  options.mesh_error = MeshError::included;
   const Fit fit = [&](std::shared_ptr<MechanicalStore> store, int left) {
     MechanicalProblem own = problem;
     own.keep_in(std::move(store));

@@ -269,14 +269,14 @@ TEST(FitMechanical, IntervalsHoldWhatTheMeshDoes) {
   const MechanicalProblem problem({trial}, truth, {"bend_uu"});
   MechanicalFitOptions options;
   const MechanicalFitResult without = fit_mechanical(problem, truth, options);
-  EXPECT_EQ(without.mesh_shift.size(), 0);
+  EXPECT_EQ(without.mesh.shift.size(), 0);
   ASSERT_EQ(without.intervals.size(), 1u);
   EXPECT_GT(without.intervals[0].lower, expected);
-  options.mesh_error = MechanicalFitOptions::MeshError::included;
+  options.mesh_error = MeshError::included;
   const MechanicalFitResult with = fit_mechanical(problem, truth, options);
   EXPECT_EQ(with.fabric.value("bend_uu"), without.fabric.value("bend_uu"));
-  ASSERT_EQ(with.mesh_shift.size(), 1);
-  EXPECT_LT(with.mesh_shift[0], 0);
+  ASSERT_EQ(with.mesh.shift.size(), 1);
+  EXPECT_LT(with.mesh.shift[0], 0);
   EXPECT_LT(with.intervals[0].lower, expected);
   EXPECT_GT(with.intervals[0].upper, expected);
 
@@ -286,7 +286,7 @@ TEST(FitMechanical, IntervalsHoldWhatTheMeshDoes) {
   EXPECT_EQ(finer.trials()[0]->options.cells, 10);
   const MechanicalFitResult there = fit_mechanical(finer, truth);
   const double moved = finer.scaled(there.fabric)[0] - problem.scaled(without.fabric)[0];
-  EXPECT_NEAR(with.mesh_shift[0], moved, 0.1 * std::abs(moved));
+  EXPECT_NEAR(with.mesh.shift[0], moved, 0.1 * std::abs(moved));
 }
 
 TEST(FitMechanical, TheMeshDoesNotMoveWhatItsRangeHolds) {
@@ -303,19 +303,19 @@ TEST(FitMechanical, TheMeshDoesNotMoveWhatItsRangeHolds) {
   start.values[shear] = start.upper[shear] = 0.7 * start.values[shear];
   const auto fit = [&](const std::vector<std::string>& free) {
     MechanicalFitOptions options;
-    options.mesh_error = MechanicalFitOptions::MeshError::included;
+    options.mesh_error = MeshError::included;
     return fit_mechanical(MechanicalProblem({trial}, start, free), start, options);
   };
   const MechanicalFitResult both = fit({"membrane_uu", "membrane_shear"});
-  ASSERT_EQ(both.mesh_shift.size(), 2);
+  ASSERT_EQ(both.mesh.shift.size(), 2);
   EXPECT_EQ(both.fabric.value("membrane_shear"), start.upper[shear]);
-  EXPECT_EQ(both.mesh_shift[1], 0);
+  EXPECT_EQ(both.mesh.shift[1], 0);
   // The other one moves as if that were not searched at all.
   const MechanicalFitResult alone = fit({"membrane_uu"});
-  ASSERT_EQ(alone.mesh_shift.size(), 1);
-  EXPECT_NE(alone.mesh_shift[0], 0);
+  ASSERT_EQ(alone.mesh.shift.size(), 1);
+  EXPECT_NE(alone.mesh.shift[0], 0);
   // The two searches end within their tolerance of each other.
-  EXPECT_NEAR(both.mesh_shift[0], alone.mesh_shift[0], 0.01 * std::abs(alone.mesh_shift[0]));
+  EXPECT_NEAR(both.mesh.shift[0], alone.mesh.shift[0], 0.01 * std::abs(alone.mesh.shift[0]));
 }
 
 TEST(MechanicalProblem, RefusesWhatCannotBeFitted) {

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/gradient_check.h"
@@ -12,7 +13,9 @@
 namespace weft {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 constexpr double kSide = 0.1;  // m
 constexpr int kCells = 6;
@@ -29,26 +32,32 @@ struct Made {
   std::vector<ScanShape> shapes;
 };
 
-/// A frame that buckles, a stretch and a drape, on the mesh of the fit.
-Made make(double noise = 0) {
+Made make_of(const std::vector<ScanExperiment>& experiments, int cells,
+             const ScanSynthesis& options) {
   Made made;
   made.capture.width = made.capture.height = kSide;
   made.capture.areal_density = 0.2;
-  ScanSynthesis options;
-  options.noise = noise;
-  options.stated_noise = noise > 0 ? noise : 1e-6;
-  options.stated_force_noise = noise > 0 ? 0.01 : 1e-4;
-  const TriangleMesh mesh = make_swatch(kSide, kSide, kCells + 1, kCells + 1, GridPattern::uniform);
-  for (const ScanExperiment& e :
-       {picture_frame(kSide, kSide, 0.2, 5e-4), edge_stretch(kSide, kSide, ScanAxis::u, 0.05, 5e-4),
-        edge_stretch(kSide, kSide, ScanAxis::v, 0.05, 5e-4),
-        ledge(kSide, kSide, ScanAxis::u, 2 * kSide / kCells)}) {
+  const TriangleMesh mesh = make_swatch(kSide, kSide, cells + 1, cells + 1, GridPattern::uniform);
+  for (const ScanExperiment& e : experiments) {
     SynthesizedScan scan = synthesize_scan(e, mesh, true_fabric(), options);
     EXPECT_TRUE(scan.converged) << e.name;
     made.capture.targets.push_back(scan.target);
     made.shapes.push_back(scan.shape);
   }
   return made;
+}
+
+/// A frame that buckles, a stretch and a drape, on the mesh of the fit.
+Made make(double noise = 0) {
+  ScanSynthesis options;
+  options.noise = noise;
+  options.stated_noise = noise > 0 ? noise : 1e-6;
+  options.stated_force_noise = noise > 0 ? 0.01 : 1e-4;
+  return make_of(
+      {picture_frame(kSide, kSide, 0.2, 5e-4), edge_stretch(kSide, kSide, ScanAxis::u, 0.05, 5e-4),
+       edge_stretch(kSide, kSide, ScanAxis::v, 0.05, 5e-4),
+       ledge(kSide, kSide, ScanAxis::u, 2 * kSide / kCells)},
+      kCells, options);
 }
 
 ScanProblem problem_of(const Made& made, DescriptorKind kind, int cells = 0) {
@@ -174,6 +183,205 @@ TEST(ScanFit, ATargetThatCannotBeReachedCountsLess) {
     return std::abs(std::log(m.b / 5e-5)) + std::abs(std::log(m.e_u / 100));
   };
   EXPECT_LT(error_of(ScanBalance::residual), 0.5 * error_of(ScanBalance::noise));
+}
+
+/// The mesh that a fit on `cells` has of an experiment, each cell cut into 4 x 4.
+TriangleMesh much_finer(const ScanExperiment& e, int cells) {
+  ScanCapture capture;
+  capture.width = capture.height = kSide;
+  ScanTarget target;
+  for (const ExperimentClamp& c : e.clamps) target.clamps.push_back(c.clamp);
+  capture.targets = {target};
+  ScanShape shape;
+  shape.mesh = make_swatch(kSide, kSide, cells + 1, cells + 1, GridPattern::uniform);
+  shape.x = Points::Zero(3, shape.mesh.vertex_count());
+  shape.x.topRows(2) = shape.mesh.material;
+  const auto trials = prepare_scan(capture, std::vector<ScanShape>{shape}, {.cells = cells});
+  return refined(*refined(*trials.front()))->mesh;
+}
+
+/// Drapes and stretches along both threads. Truth on much finer cells than the fit's, known well.
+Made make_on_finer_cells() {
+  ScanSynthesis options;
+  options.noise = options.stated_noise = 2e-5;
+  options.stated_force_noise = 1e-3;
+  Made made;
+  for (const ScanAxis axis : {ScanAxis::u, ScanAxis::v})
+    for (const ScanExperiment& e :
+         {ledge(kSide, kSide, axis, 2 * kSide / kCells),
+          ledge(kSide, kSide, axis, 3 * kSide / kCells), edge_stretch(kSide, kSide, axis, 0.05),
+          edge_stretch(kSide, kSide, axis, 0.03)}) {
+      SynthesizedScan scan = synthesize_scan(e, much_finer(e, kCells), true_fabric(), options);
+      EXPECT_TRUE(scan.converged) << e.name;
+      made.capture.targets.push_back(scan.target);
+      made.shapes.push_back(scan.shape);
+    }
+  made.capture.width = made.capture.height = kSide;
+  made.capture.areal_density = options.areal_density;
+  return made;
+}
+
+double true_value(const std::string& name) {
+  return true_fabric().value(name == "bend" ? "bend_uu" : name);
+}
+
+ScanFitOptions with_mesh_error() {
+  ScanFitOptions options;
+  options.mesh_error = MeshError::included;
+  return options;
+}
+
+TEST(ScanFit, IntervalsHoldWhatTheMeshDoes) {
+  const ScanProblem problem = problem_of(make_on_finer_cells(), DescriptorKind::position, kCells);
+  const ScanFitResult without = fit_scan(problem, wrong_fabric());
+  EXPECT_EQ(without.mesh.shift.size(), 0);
+  EXPECT_EQ(without.mesh.unknown, "");
+  const ScanFitResult with = fit_scan(problem, wrong_fabric(), with_mesh_error());
+  EXPECT_EQ(with.fabric.values, without.fabric.values);
+  ASSERT_EQ(with.mesh.shift.size(), 5);
+  // The shift is where a fit on the finer mesh ends: a Gauss-Newton step of some per cent of a
+  // parameter, to a tenth of it.
+  const ScanProblem finer = problem.refined();
+  const VecX moved =
+      finer.scaled(fit_scan(finer, with.fabric).fabric) - problem.scaled(with.fabric);
+  for (std::size_t i = 0; i < 5; ++i) {
+    const ParameterInterval &narrow = without.intervals[i], &wide = with.intervals[i];
+    SCOPED_TRACE(wide.name);
+    const double truth = true_value(wide.name);
+    EXPECT_TRUE(narrow.upper < truth || truth < narrow.lower);
+    EXPECT_LT(wide.lower, truth);
+    EXPECT_GT(wide.upper, truth);
+    const auto k = static_cast<Eigen::Index>(i);
+    EXPECT_NEAR(with.mesh.shift[k], moved[k], 0.1 * std::abs(moved[k]));
+    EXPECT_NEAR(wide.half_width, narrow.half_width + 2 * std::abs(with.mesh.shift[k]), 1e-12);
+  }
+}
+
+// What is not searched does not move, nor does what a bound holds; the others do as if it were not
+// searched either.
+TEST(ScanFit, TheMeshMovesWhatIsFree) {
+  const Made made = make_on_finer_cells();
+  const auto trials = prepare_scan(made.capture, made.shapes,
+                                   {.cells = kCells, .descriptor = DescriptorKind::position});
+  constexpr double kMost = 450;  // N/m; a fit without it ends at 490
+  Fabric bounded = true_fabric();
+  bounded.lower.resize(bounded.values.size());
+  bounded.upper.resize(bounded.values.size());
+  for (int i = 0; i < bounded.values.size(); ++i) {
+    bounded.lower[i] = true_fabric().info(i).lower;
+    bounded.upper[i] = true_fabric().info(i).upper;
+  }
+  bounded.upper[bounded.value_index("membrane_vv")] = kMost;
+  bounded.values[bounded.value_index("membrane_vv")] = 0.9 * kMost;
+  const ScanProblem with_bound(trials, make_static_solver(), bounded,
+                               {"bend", "membrane_uu", "membrane_vv"});
+  const ScanFitResult at_bound = fit_scan(with_bound, bounded, with_mesh_error());
+  ASSERT_TRUE(at_bound.intervals[2].at_upper);
+  ASSERT_EQ(at_bound.mesh.shift.size(), 3);
+  EXPECT_EQ(at_bound.mesh.shift[2], 0);
+
+  Fabric fixed = true_fabric();
+  fixed.set("membrane_vv", kMost);
+  const ScanProblem without(trials, make_static_solver(), fixed, {"bend", "membrane_uu"});
+  const ScanFitResult held = fit_scan(without, fixed, with_mesh_error());
+  ASSERT_EQ(held.mesh.shift.size(), 2);
+  // Where two descents end: to 1e-6 of the range each, of shifts of 3e-4 and more.
+  for (Eigen::Index i = 0; i < 2; ++i)
+    EXPECT_NEAR(at_bound.mesh.shift[i], held.mesh.shift[i], 0.02 * std::abs(held.mesh.shift[i]));
+}
+
+/// Finds no equilibrium on more than some number of vertices.
+class CoarseOnly final : public EquilibriumSolver {
+ public:
+  explicit CoarseOnly(int most) : most_(most) {}
+  std::string_view name() const override { return "coarse only"; }
+  HeldEquilibrium solve(const HeldCloth& cloth, const Fabric& fabric,
+                        HeldDerivatives derivatives) const override {
+    HeldEquilibrium found = solver_->solve(cloth, fabric, derivatives);
+    if (cloth.mesh.vertex_count() > most_) found.residual = 0.5;
+    return found;
+  }
+
+ private:
+  int most_;
+  std::unique_ptr<EquilibriumSolver> solver_ = make_static_solver();
+};
+
+TEST(ScanFit, SaysWhyTheMeshErrorIsUnknown) {
+  const Made made = make();
+  const auto trials = prepare_scan(made.capture, made.shapes);
+  const auto fit_by = [&](std::shared_ptr<const EquilibriumSolver> solver,
+                          std::shared_ptr<const EquilibriumSolver> mesh_solver) {
+    ScanFitOptions options = with_mesh_error();
+    options.balance = ScanBalance::noise;
+    options.mesh_solver = std::move(mesh_solver);
+    return fit_scan(ScanProblem(trials, std::move(solver), true_fabric(), {"membrane_uu", "bend"}),
+                    wrong_fabric(), options);
+  };
+  const ScanFitResult unknown = fit_by(std::make_shared<CoarseOnly>(49), nullptr);
+  EXPECT_EQ(unknown.mesh.shift.size(), 0);
+  EXPECT_THAT(unknown.mesh.unknown,
+              AllOf(HasSubstr("on cells of half the width"), HasSubstr("frame"),
+                    HasSubstr("a net force of 0.5 N is left")));
+  ASSERT_EQ(unknown.intervals.size(), 2u);
+  EXPECT_TRUE(unknown.intervals[0].determined);
+
+  // Another solver may tell it, on both meshes.
+  const ScanFitResult known = fit_by(std::make_shared<CoarseOnly>(49), make_static_solver());
+  const ScanFitResult alone = fit_by(make_static_solver(), nullptr);
+  EXPECT_EQ(known.mesh.unknown, "");
+  ASSERT_EQ(known.mesh.shift.size(), 2);
+  EXPECT_EQ(known.mesh.shift, alone.mesh.shift);
+  EXPECT_GT(alone.mesh.shift.norm(), 0);
+  const ScanFitResult neither = fit_by(make_static_solver(), std::make_shared<CoarseOnly>(48));
+  EXPECT_THAT(neither.mesh.unknown,
+              AllOf(HasSubstr("a net force of 0.5 N is left"), Not(HasSubstr("half the width"))));
+}
+
+/// Width of the narrowest cell along the weft.
+double narrowest(const TriangleMesh& mesh) {
+  std::vector<double> u;
+  for (const double x : mesh.material.row(0)) u.push_back(x);
+  std::sort(u.begin(), u.end());
+  double least = kSide;
+  for (std::size_t i = 1; i < u.size(); ++i)
+    if (u[i] - u[i - 1] > 1e-9) least = std::min(least, u[i] - u[i - 1]);
+  return least;
+}
+
+// Each cell is halved, beside a bar as elsewhere; what is compared stays as it is.
+TEST(ScanTrial, RefinedIsComparedAtTheSamePoints) {
+  const Made made = make();
+  for (const auto& trial : prepare_scan(made.capture, made.shapes, {.cells = 6})) {
+    SCOPED_TRACE(trial->target.name);
+    const auto finer = refined(*trial);
+    EXPECT_EQ(finer->mesh.triangles.size(), 4 * trial->mesh.triangles.size());
+    EXPECT_NEAR(narrowest(finer->mesh), 0.5 * narrowest(trial->mesh), 1e-12);
+    EXPECT_EQ(finer->grid.mesh.material, trial->grid.mesh.material);
+    EXPECT_EQ(finer->measured, trial->measured);
+    EXPECT_EQ(finer->sampling.rows(), trial->sampling.rows());
+    EXPECT_EQ(finer->sampling.cols(), 3 * finer->mesh.vertex_count());
+    // Old vertices are vertices, held where and by what they were.
+    for (int i = 0; i < trial->mesh.vertex_count(); ++i) {
+      Eigen::Index same = 0;
+      EXPECT_LT((finer->mesh.material.colwise() - trial->mesh.material.col(i))
+                    .colwise()
+                    .squaredNorm()
+                    .minCoeff(&same),
+                1e-24);
+      EXPECT_EQ(finer->clamp_of[static_cast<std::size_t>(same)],
+                trial->clamp_of[static_cast<std::size_t>(i)]);
+      EXPECT_LT((finer->start.col(same) - trial->start.col(i)).norm(), 1e-12);
+    }
+  }
+}
+
+TEST(ScanTrial, RefusesMoreCellsThanMayBe) {
+  Made made = make();
+  made.capture.targets.resize(1);
+  made.shapes.resize(1);
+  const auto trial = prepare_scan(made.capture, made.shapes, {.cells = 101}).front();
+  EXPECT_THROW(refined(*trial), Error);
 }
 
 // Beside a bar that holds an area the grid is fine.

@@ -278,7 +278,7 @@ class CurveFitter {
     };
     const VecX scaled = p.scaled(from);
     MechanicalFitOptions options = options_.fit;
-    options.mesh_error = MechanicalFitOptions::MeshError::left_out;  // on the way
+    options.mesh_error = MeshError::left_out;  // on the way
     for (const double factor : kFactors) {
       VecX x = scaled;
       for (int i = 0; i < p.dimension(); ++i)

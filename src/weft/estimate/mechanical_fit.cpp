@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -23,11 +22,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// deviation off costs 1.
 constexpr double kEnoughReduction = 0.01;
 constexpr int kEnoughSteps = 2;
-/// Of the way to cells of half the width: all of the way, if the error falls as the width.
-constexpr double kMeshLimit = 2;
-/// A direction whose standard deviation is more of the range is not determined (as in
-/// uncertainty.cpp).
-constexpr double kWidestDeviation = 0.5;
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -283,6 +277,7 @@ MechanicalProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index 
   MechanicalProblem::Linearization l;
   if (!std::isfinite(numbers[0])) {
     l.model = {kInfinity, VecX::Zero(n), MatX::Zero(n, n)};
+    l.reason = reason_of(numbers);
     return l;
   }
   NumberReader reader(numbers);
@@ -381,68 +376,17 @@ void MechanicalProblem::keep_in(std::shared_ptr<MechanicalStore> store) {
 
 namespace {
 
-/// - H^-1 gradient over the directions that the data determine.
-VecX newton_step(const MatX& hessian, const VecX& gradient, std::size_t residual_count) {
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
-  const double least =
-      2 / (static_cast<double>(residual_count) * kWidestDeviation * kWidestDeviation);
-  VecX along = eigen.eigenvectors().transpose() * gradient;
-  for (Eigen::Index i = 0; i < along.size(); ++i)
-    along[i] = eigen.eigenvalues()[i] > least ? -along[i] / eigen.eigenvalues()[i] : 0;
-  return eigen.eigenvectors() * along;
-}
-
-/// The same within the ranges: what is at an end towards which the cost falls is held there, what
-/// the step would carry beyond one goes to it, and the others make up for that.
-VecX gauss_newton_step(const QuadraticModel& model, const VecX& scaled,
-                       std::size_t residual_count) {
-  VecX step = VecX::Zero(scaled.size());
-  std::vector<Eigen::Index> free = inside_bounds(scaled, model.gradient);
-  while (!free.empty()) {
-    const VecX gradient = model.gradient + model.hessian * step;
-    const VecX end =
-        scaled(free) + newton_step(model.hessian(free, free), gradient(free), residual_count);
-    std::vector<Eigen::Index> inside;
-    for (std::size_t k = 0; k < free.size(); ++k) {
-      const double value = end[static_cast<Eigen::Index>(k)];
-      if (value >= 0 && value <= 1)
-        inside.push_back(free[k]);
-      else
-        step[free[k]] = std::clamp(value, 0.0, 1.0) - scaled[free[k]];
-    }
-    if (inside.size() == free.size()) {
-      step(free) = end - scaled(free);
-      break;
-    }
-    free = std::move(inside);
-  }
-  return step;
-}
-
-/// MechanicalFitResult::mesh_shift.
-VecX mesh_shift(const MechanicalProblem& problem, const VecX& scaled, const QuadraticModel& here) {
-  std::optional<MechanicalProblem> refined;
-  try {
-    refined = problem.refined();
-  } catch (const Error&) {  // as fine as can be
-    return {};
-  }
-  const QuadraticModel finer = refined->linearize(scaled).model;
-  if (!std::isfinite(finer.cost)) return {};
-  const std::size_t count = problem.residual_count();
-  return gauss_newton_step(finer, scaled, count) - gauss_newton_step(here, scaled, count);
-}
-
 void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
                    const MechanicalProblem::Linearization& found,
                    const MechanicalFitOptions& options, MechanicalFitResult& result) {
-  if (options.mesh_error == MechanicalFitOptions::MeshError::included)
-    result.mesh_shift = mesh_shift(problem, scaled, found.model);
+  if (options.mesh_error == MeshError::included)
+    result.mesh = find_mesh_shift(problem, scaled, found);
+  if (!std::isfinite(found.model.cost)) return;
   std::vector<ParameterInfo> infos;
   for (int i = 0; i < problem.dimension(); ++i) infos.push_back(problem.info(i));
   ResidualIntervals intervals =
       residual_intervals(infos, scaled, found.model, found.parts, problem.residual_count(),
-                         options.confidence, kMeshLimit * result.mesh_shift.cwiseAbs());
+                         options.confidence, mesh_half_widths(result.mesh.shift));
   result.intervals = std::move(intervals.intervals);
   result.correlation = std::move(intervals.correlation);
   result.condition = intervals.condition;
@@ -537,7 +481,7 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
   ++result.evaluations;
   result.replayed += at_end_replays.since();
   result.inexact = at_end.inexact;
-  if (std::isfinite(at_end.model.cost)) add_intervals(problem, found.x, at_end, options, result);
+  add_intervals(problem, found.x, at_end, options, result);
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }
@@ -555,7 +499,7 @@ MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fa
   result.evaluations = 1;
   result.end = LeastSquaresEnd::small_step;
   result.inexact = found.inexact;
-  if (std::isfinite(result.cost)) add_intervals(problem, x, found, options, result);
+  add_intervals(problem, x, found, options, result);
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

@@ -13,6 +13,7 @@
 #include "weft/estimate/linearize_trial.h"
 #include "weft/estimate/mechanical_store.h"
 #include "weft/estimate/mechanical_trial.h"
+#include "weft/estimate/mesh_error.h"
 #include "weft/estimate/uncertainty.h"
 
 namespace weft {
@@ -88,6 +89,7 @@ class MechanicalProblem {
     QuadraticModel model;
     std::vector<CostPart> parts;  ///< one a frame that is compared
     int inexact = 0;              ///< frames with inexact derivatives
+    std::string reason;           ///< where the cost is infinite, as of cost()
   };
   Linearization linearize(const VecX& scaled, MechanicalShapes* near = nullptr) const;
 
@@ -143,8 +145,7 @@ struct MechanicalFitOptions {
   }
   LeastSquaresOptions least_squares;
   double confidence = 0.9;  ///< of the intervals
-  /// What the width of the cells does to the estimate: left out, or in the intervals.
-  enum class MeshError { left_out, included } mesh_error = MeshError::left_out;
+  MeshError mesh_error = MeshError::left_out;
 };
 
 struct MechanicalFitStep {
@@ -163,11 +164,7 @@ struct MechanicalFitResult {
   /// Of the free parameters, by the jackknife over frames (uncertainty.h); empty with fewer than
   /// two compared frames.
   std::vector<ParameterInterval> intervals;
-  /// With MeshError::included: how far the estimate would move on cells of half the width, scaled
-  /// coordinates, by a Gauss-Newton step there within the ranges. Twice that, where it would go if
-  /// the error fell in proportion to the width, is in the intervals. Empty where a finer mesh has
-  /// no equilibrium.
-  VecX mesh_shift;
+  MeshShift mesh;        ///< with MeshError::included; in the intervals where it is known
   MatX correlation;      ///< of the free parameters, scaled coordinates
   double condition = 0;  ///< of the Gauss-Newton matrix
   int inexact = 0;

@@ -139,6 +139,20 @@ Fabric ScanProblem::fabric(const VecX& scaled) const {
   return fabric;
 }
 
+ScanProblem ScanProblem::refined() const {
+  ScanProblem finer = *this;
+  for (auto& trial : finer.trials_) trial = weft::refined(*trial);
+  finer.store_.reset();
+  return finer;
+}
+
+ScanProblem ScanProblem::solved_by(std::shared_ptr<const EquilibriumSolver> solver) const {
+  ScanProblem other = *this;
+  other.solver_ = std::move(solver);
+  other.store_.reset();
+  return other;
+}
+
 MatX ScanProblem::by_scaled(const VecX& scaled, const MatX& by_values) const {
   MatX result = MatX::Zero(by_values.rows(), dimension());
   for (Eigen::Index i = 0; i < scaled.size(); ++i) {
@@ -236,7 +250,7 @@ ScanProblem::Linearization ScanProblem::compute_linearization(const VecX& scaled
   result.model.gradient = VecX::Zero(n);
   result.model.hessian = MatX::Zero(n, n);
   std::vector<ScanSimulation> simulations;
-  if (!simulate(scaled, HeldDerivatives::all, simulations, nullptr)) {
+  if (!simulate(scaled, HeldDerivatives::all, simulations, &result.reason)) {
     result.model.cost = kInfinity;
     return result;
   }
@@ -517,6 +531,14 @@ Fabric random_start(const Fabric& start, double spread, Rng& rng) {
   return fabric;
 }
 
+/// ScanFitResult::mesh.
+MeshShift mesh_shift_of(const ScanProblem& problem, const VecX& x,
+                        const ScanProblem::Linearization& at_end, const ScanFitOptions& options) {
+  if (!options.mesh_solver) return find_mesh_shift(problem, x, at_end);
+  const ScanProblem other = problem.solved_by(options.mesh_solver);
+  return find_mesh_shift(other, x, other.linearize(x));
+}
+
 void check(const ScanFitOptions& options) {
   if (options.rounds < 1)
     throw Error(fmt::format("rounds is {}, must be at least 1", options.rounds));
@@ -558,9 +580,12 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
   result.inexact = at_end.inexact;
   result.shape_rms = at_end.shape_rms;
   result.force_rms = at_end.force_rms;
+  if (options.mesh_error == MeshError::included)
+    result.mesh = mesh_shift_of(problem, *best, at_end, options);
   if (std::isfinite(at_end.model.cost)) {
     ResidualIntervals found = residual_intervals(problem.infos(), *best, at_end.model, at_end.parts,
-                                                 problem.residual_count(), options.confidence);
+                                                 problem.residual_count(), options.confidence,
+                                                 mesh_half_widths(result.mesh.shift));
     result.intervals = std::move(found.intervals);
     result.correlation = std::move(found.correlation);
     result.condition = found.condition;

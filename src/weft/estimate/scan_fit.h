@@ -9,6 +9,7 @@
 
 #include "weft/estimate/least_squares.h"
 #include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/mesh_error.h"
 #include "weft/estimate/number_store.h"
 #include "weft/estimate/residual_intervals.h"
 #include "weft/estimate/scan_trial.h"
@@ -70,6 +71,11 @@ class ScanProblem {
   const EquilibriumSolver& solver() const { return *solver_; }
   std::size_t residual_count() const { return residual_count_; }
   int threads() const { return threads_; }
+  /// The same on cells of half the width (scan_trial.h). Nothing of it is kept in a store. Throws
+  /// Error where these would be more than may be.
+  ScanProblem refined() const;
+  /// The same by another solver. Nothing of it is kept in a store.
+  ScanProblem solved_by(std::shared_ptr<const EquilibriumSolver> solver) const;
   VecX scaled(const Fabric& fabric) const;
   Fabric fabric(const VecX& scaled) const;
 
@@ -87,7 +93,8 @@ class ScanProblem {
     int inexact = 0;              ///< targets with inexact derivatives
     /// Root mean square of the residuals, in units of the stated noise.
     double shape_rms = 0, force_rms = 0;
-    VecX target_rms;  ///< of the shape of each target
+    VecX target_rms;     ///< of the shape of each target
+    std::string reason;  ///< where the cost is infinite, as of cost()
   };
   Linearization linearize(const VecX& scaled) const;
 
@@ -147,6 +154,10 @@ struct ScanFitOptions {
   double spread = 3;      ///< they lie within this factor of the start, > 1
   std::uint64_t seed = 1;
   double confidence = 0.9;
+  MeshError mesh_error = MeshError::left_out;
+  /// Of both evaluations that tell the mesh's error, on the fit's cells and on finer ones; null:
+  /// the problem's. For solvers that take long on fine meshes.
+  std::shared_ptr<const EquilibriumSolver> mesh_solver;
 };
 
 struct ScanFitStep {
@@ -167,6 +178,7 @@ struct ScanFitResult {
   std::vector<ScanFitStep> history;
   std::vector<ScanFitEnd> ends;  ///< one a start, the given one first
   std::vector<ParameterInterval> intervals;
+  MeshShift mesh;  ///< with MeshError::included; in the intervals where it is known
   MatX correlation;
   double condition = 0;
   int inexact = 0;

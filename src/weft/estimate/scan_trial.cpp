@@ -282,6 +282,13 @@ std::shared_ptr<ScanTrial> prepare_target(const ScanCapture& capture, const Scan
   return trial;
 }
 
+std::vector<double> halved(const std::vector<double>& lines) {
+  std::vector<double> finer{lines.front()};
+  for (std::size_t i = 1; i < lines.size(); ++i)
+    finer.insert(finer.end(), {0.5 * (lines[i - 1] + lines[i]), lines[i]});
+  return finer;
+}
+
 Points forces_of(const ScanTrial& trial, const Points& reactions) {
   Points forces = Points::Zero(3, static_cast<Eigen::Index>(trial.target.clamps.size()));
   for (std::size_t i = 0; i < trial.clamp_of.size(); ++i)
@@ -334,6 +341,21 @@ std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& ca
     trials.push_back(trial);
   }
   return trials;
+}
+
+std::shared_ptr<const ScanTrial> refined(const ScanTrial& trial) {
+  const Lines lines = grid_of(trial.mesh).value();
+  const std::vector<double> u = halved(lines.u), v = halved(lines.v);
+  const std::size_t cells = std::min(u.size(), v.size()) - 1;
+  if (cells > at(kMostCells))
+    throw Error(fmt::format("target \"{}\" would have {} cells across, more than {}",
+                            trial.target.name, cells, kMostCells));
+  auto finer = std::make_shared<ScanTrial>(trial);
+  finer->mesh = make_swatch(u, v, GridPattern::uniform);
+  hold(*finer);
+  finer->sampling = sampling_of(finer->mesh, trial.grid.mesh.material);
+  finer->at_scan = sampling_of(finer->mesh, trial.shape.mesh.material);
+  return finer;
 }
 
 std::vector<ScanSimulation> simulate_scans(

@@ -61,6 +61,11 @@ std::vector<std::shared_ptr<const ScanTrial>> prepare_scan(const ScanCapture& ca
                                                            const std::vector<ScanShape>& shapes,
                                                            const ScanOptions& options = {});
 
+/// The same on cells of half the width, each halved; compared at the same points, so that nothing
+/// but the computed shape changes. Throws Error where they would be more than 200 across the
+/// shorter side.
+std::shared_ptr<const ScanTrial> refined(const ScanTrial& trial);
+
 /// One target, computed.
 struct ScanSimulation {
   HeldEquilibrium rest;

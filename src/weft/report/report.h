@@ -151,6 +151,11 @@ struct Report {
   std::vector<std::string> remarks;  ///< further warnings of whoever made it, plainly worded
 };
 
+/// The setting that says what the 90 % intervals hold, and its value where that is also what the
+/// width of the cells does to the estimate.
+inline constexpr std::string_view intervals_setting = "intervals";
+inline constexpr std::string_view noise_and_mesh = "noise and mesh";
+
 /// Means over frames of one kind. Infinite where the simulation did not reach one of them.
 struct ReportMeans {
   std::size_t frames = 0;

@@ -225,6 +225,13 @@ std::string interval_text(const ReportParameter& p) {
   return format_value(*p.interval_lower, 3) + " to " + format_value(*p.interval_upper, 3);
 }
 
+bool holds_mesh(const Report& report) {
+  return std::ranges::any_of(report.settings, [](const auto& setting) {
+    const auto* text = std::get_if<std::string>(&setting.second);
+    return setting.first == intervals_setting && text && *text == noise_and_mesh;
+  });
+}
+
 std::string found_section(const Report& report) {
   if (report.parameters.empty()) return "";
   const bool with_intervals = std::ranges::any_of(
@@ -271,6 +278,11 @@ std::string found_section(const Report& report) {
         "wrong in all {} alike is not in it.",
         report.captures.empty() ? "frames" : "blocks of frames, and parts of the picture,",
         report.captures.empty() ? "frames" : "frames and places");
+    if (holds_mesh(report))
+      html +=
+          " What the width of the cells does is in it: to either side twice what the estimate "
+          "would "
+          "move by on cells of half the width.";
   }
   html += "</p></section>\n";
   return html;

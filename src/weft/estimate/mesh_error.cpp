@@ -1,0 +1,67 @@
+#include "weft/estimate/mesh_error.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "weft/estimate/estimate_scatter.h"
+
+namespace weft {
+namespace {
+
+/// Of the way to cells of half the width: all of the way, if the error falls as the width.
+constexpr double kMeshLimit = 2;
+/// A direction whose standard deviation is more of the range is not determined (as in
+/// uncertainty.cpp).
+constexpr double kWidestDeviation = 0.5;
+
+/// - H^-1 gradient over the directions that the data determine.
+VecX newton_step(const MatX& hessian, const VecX& gradient, std::size_t residual_count) {
+  const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
+  const double least =
+      2 / (static_cast<double>(residual_count) * kWidestDeviation * kWidestDeviation);
+  VecX along = eigen.eigenvectors().transpose() * gradient;
+  for (Eigen::Index i = 0; i < along.size(); ++i)
+    along[i] = eigen.eigenvalues()[i] > least ? -along[i] / eigen.eigenvalues()[i] : 0;
+  return eigen.eigenvectors() * along;
+}
+
+/// The same within the ranges: what is at an end towards which the cost falls is held there, what
+/// the step would carry beyond one goes to it, and the others make up for that.
+VecX gauss_newton_step(const VecX& scaled, const QuadraticModel& model,
+                       std::size_t residual_count) {
+  VecX step = VecX::Zero(scaled.size());
+  std::vector<Eigen::Index> free = inside_bounds(scaled, model.gradient);
+  while (!free.empty()) {
+    const VecX gradient = model.gradient + model.hessian * step;
+    const VecX end =
+        scaled(free) + newton_step(model.hessian(free, free), gradient(free), residual_count);
+    std::vector<Eigen::Index> inside;
+    for (std::size_t k = 0; k < free.size(); ++k) {
+      const double value = end[static_cast<Eigen::Index>(k)];
+      if (value >= 0 && value <= 1)
+        inside.push_back(free[k]);
+      else
+        step[free[k]] = std::clamp(value, 0.0, 1.0) - scaled[free[k]];
+    }
+    if (inside.size() == free.size()) {
+      step(free) = end - scaled(free);
+      break;
+    }
+    free = std::move(inside);
+  }
+  return step;
+}
+
+}  // namespace
+
+VecX mesh_shift(const VecX& scaled, const QuadraticModel& here, const QuadraticModel& finer,
+                std::size_t residual_count) {
+  return gauss_newton_step(scaled, finer, residual_count) -
+         gauss_newton_step(scaled, here, residual_count);
+}
+
+VecX mesh_half_widths(const VecX& shift) { return kMeshLimit * shift.cwiseAbs(); }
+
+}  // namespace weft

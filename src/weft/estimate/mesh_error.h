@@ -1,0 +1,55 @@
+#pragma once
+/// What the width of the cells does to a least-squares estimate. Noise is not what limits a fit to
+/// forces and shapes that are known to micrometres: cells are.
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "weft/base/error.h"
+#include "weft/estimate/least_squares.h"
+
+namespace weft {
+
+/// Left out of the intervals, or in them.
+enum class MeshError { left_out, included };
+
+/// How far an estimate would move on cells of half the width.
+struct MeshShift {
+  VecX shift;           ///< of each parameter, scaled coordinates; empty: left out or unknown
+  std::string unknown;  ///< why it is not known; empty: it is, or was left out
+};
+
+/// The Gauss-Newton step -H^-1 g on cells of half the width less the one `here`, on the cells of
+/// the fit: both about the estimate at `scaled` ([0, 1]), with costs that are means over
+/// `residual_count` squares. A direction whose standard deviation is more than half of the range
+/// does not count. The steps stay within the ranges: a parameter at a bound towards which a mesh's
+/// cost falls is held there, as in the intervals (residual_intervals.h), and one that would cross
+/// a bound stops at it.
+VecX mesh_shift(const VecX& scaled, const QuadraticModel& here, const QuadraticModel& finer,
+                std::size_t residual_count);
+
+/// Of a problem with refined() and linearize(), whose linearization at `scaled` is `here`. Unknown
+/// where the finer cells would be more than may be, and where no equilibrium is found.
+template <typename Problem>
+MeshShift find_mesh_shift(const Problem& problem, const VecX& scaled,
+                          const typename Problem::Linearization& here) {
+  if (!std::isfinite(here.model.cost)) return {{}, here.reason};
+  const auto unknown = [](const std::string& reason) {
+    return MeshShift{{}, "on cells of half the width, " + reason};
+  };
+  std::optional<Problem> refined;
+  try {
+    refined.emplace(problem.refined());
+  } catch (const Error& error) {
+    return unknown(error.what());
+  }
+  const auto finer = refined->linearize(scaled);
+  if (!std::isfinite(finer.model.cost)) return unknown(finer.reason);
+  return {mesh_shift(scaled, here.model, finer.model, problem.residual_count()), {}};
+}
+
+/// What is added to the half widths of the intervals: twice the shift, where the estimate would go
+/// if the error fell in proportion to the width of the cells; scaled coordinates. Empty for none.
+VecX mesh_half_widths(const VecX& shift);
+
+}  // namespace weft
