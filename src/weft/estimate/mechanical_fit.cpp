@@ -6,11 +6,9 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "weft/base/error.h"
 #include "weft/estimate/content_hash.h"
-#include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/packed_numbers.h"
 #include "weft/estimate/residual_intervals.h"
 

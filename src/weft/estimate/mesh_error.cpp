@@ -6,21 +6,20 @@
 #include <vector>
 
 #include "weft/estimate/estimate_scatter.h"
+#include "weft/estimate/uncertainty.h"
 
 namespace weft {
 namespace {
 
 /// Of the way to cells of half the width: all of the way, if the error falls as the width.
 constexpr double kMeshLimit = 2;
-/// A direction whose standard deviation is more of the range is not determined (as in
-/// uncertainty.cpp).
-constexpr double kWidestDeviation = 0.5;
 
-/// - H^-1 gradient over the directions that the data determine.
+/// - H^-1 gradient over the directions that the data determine: those whose standard deviation
+/// alone would not make an interval that says nothing.
 VecX newton_step(const MatX& hessian, const VecX& gradient, std::size_t residual_count) {
   const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
   const double least =
-      2 / (static_cast<double>(residual_count) * kWidestDeviation * kWidestDeviation);
+      2 / (static_cast<double>(residual_count) * widest_half_interval * widest_half_interval);
   VecX along = eigen.eigenvectors().transpose() * gradient;
   for (Eigen::Index i = 0; i < along.size(); ++i)
     along[i] = eigen.eigenvalues()[i] > least ? -along[i] / eigen.eigenvalues()[i] : 0;

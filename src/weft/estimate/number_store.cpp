@@ -24,14 +24,16 @@ CREATE TABLE IF NOT EXISTS numbers (
 
 struct NumberStore::Impl {
   Impl(const std::filesystem::path& path, std::string_view whose)
-      : problem(whose), database(path, "store of numbers", {kSchema}) {}
+      : problem(whose), database(path, "store of numbers", {kSchema}) {
+    for (detail::Statement* statement : {&select, &insert, &remove, &counter})
+      statement->bind(1, problem);
+  }
 
   struct Counts {
     std::int64_t all = 0, own = 0;
   };
   Counts counts() {
     Counts found;
-    counter.bind(1, problem);
     counter.run([&](const detail::Row& row) { found = {row.integer(0), row.integer(1)}; });
     return found;
   }
@@ -63,7 +65,6 @@ NumberStore::~NumberStore() = default;
 std::optional<VecX> NumberStore::find(std::string_view key) const {
   const std::lock_guard lock(impl_->mutex);
   detail::Statement& select = impl_->select;
-  select.bind(1, impl_->problem);
   select.bind(2, key);
   std::optional<VecX> found;
   select.run([&](const detail::Row& row) { found = row.numbers(0); });
@@ -73,7 +74,6 @@ std::optional<VecX> NumberStore::find(std::string_view key) const {
 void NumberStore::add(std::string_view key, const VecX& numbers) {
   const std::lock_guard lock(impl_->mutex);
   detail::Statement& insert = impl_->insert;
-  insert.bind(1, impl_->problem);
   insert.bind(2, key);
   insert.bind(3, numbers);
   insert.run();
@@ -82,7 +82,6 @@ void NumberStore::add(std::string_view key, const VecX& numbers) {
 void NumberStore::remove_all_but(std::string_view prefix, std::string_view kept) {
   const std::lock_guard lock(impl_->mutex);
   detail::Statement& remove = impl_->remove;
-  remove.bind(1, impl_->problem);
   remove.bind(2, prefix);
   remove.bind(3, kept);
   remove.run();
