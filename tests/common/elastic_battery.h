@@ -76,7 +76,9 @@ inline void expect_parameter_derivative(ElasticModel& model, const Points& x) {
     Points g;
     model.gradient(x, g);
     const double floor = 1e-5 * g.cwiseAbs().maxCoeff() / std::abs(values[p]);
-    EXPECT_TRUE(near(derivative.col(p), numeric, kTolerance, floor)) << "parameter " << p;
+    // The angles on the rim give way, so that forces are not linear in the parameter: steps of 1 %
+    // leave (1e-2)^4 of what is curved.
+    EXPECT_TRUE(near(derivative.col(p), numeric, 1e-7, floor)) << "parameter " << p;
   }
 }
 

@@ -27,10 +27,13 @@ Fabric table() {
   return fabric;
 }
 
+// Not in all states: at a corner of the sheet, where both bends are free, a twist that is as cheap
+// one way as the other bends by whichever direction of the table is softer, and has a kink there.
 TEST(PiecewiseLinear, Battery) {
-  testing::expect_elastic_model(make_swatch(2 * kSize, 2 * kSize, 3, 3), table(), kSize);
-  testing::expect_elastic_model(make_swatch(2 * kSize, 2 * kSize, 3, 3, GridPattern::uniform),
-                                table(), kSize, 0.3);
+  testing::expect_elastic_model(make_swatch(2 * kSize, 3 * kSize, 3, 4), table(), kSize);
+  testing::expect_elastic_model(make_swatch(3 * kSize, 3 * kSize, 4, 4, GridPattern::uniform),
+                                table(), kSize);
+  testing::expect_elastic_model(make_swatch(3 * kSize, 2 * kSize, 4, 3), table(), kSize, 0.2);
 }
 
 TEST(PiecewiseLinear, ATableOfEqualRowsIsAnOrthotropicSheet) {

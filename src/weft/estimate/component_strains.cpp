@@ -9,6 +9,7 @@
 
 #include "weft/base/error.h"
 #include "weft/model/elastic_model.h"
+#include "weft/model/sheet_model.h"
 #include "weft/model/spring_model.h"
 
 namespace weft {
@@ -18,8 +19,7 @@ constexpr std::array<std::string_view, 6> kThreads{"weft_stretch", "warp_stretch
                                                    "weft_bend",    "warp_bend",    "diagonal_bend"};
 constexpr std::array<std::string_view, 6> kStvk{"membrane_uu", "membrane_vv", "membrane_shear",
                                                 "bend_uu",     "bend_vv",     "bend_twist"};
-constexpr int kStretches = 2;          // the first components, whose sign matters
-constexpr Eigen::Index kHistory = 12;  // numbers a triangle: six strains, six friction stresses
+constexpr int kStretches = 2;  // the first components, whose sign matters
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -54,27 +54,21 @@ void add_springs(const MechanicalTrial& trial, const MechanicalFrame& frame,
   }
 }
 
-/// A fabric whose model keeps a history, which is where sheets tell their strains.
-Fabric with_history(Fabric fabric) {
-  fabric.include("weft_bend_friction");
-  fabric.include("weft_bend_friction_scale");
-  return fabric;
-}
-
-void add_triangles(const MechanicalTrial& trial, const MechanicalFrame& frame,
-                   const TriangleMesh& mesh, const Fabric& fabric, int component,
-                   ComponentSample& sample) {
-  const auto model = make_elastic_model(mesh, with_history(fabric), trial.capture.grain_angle);
-  const VecX history = model->next_history(frame.x);
+void add_elements(const MechanicalTrial& trial, const MechanicalFrame& frame,
+                  const TriangleMesh& mesh, const Fabric& fabric, int component,
+                  ComponentSample& sample) {
+  const auto model = make_elastic_model(mesh, fabric, trial.capture.grain_angle);
+  const auto& sheet = dynamic_cast<const detail::SheetModel&>(*model);  // all but springs
   const std::vector<char> held = held_vertices(trial, frame, mesh);
   const bool relative = fabric.model == "soft-constraints" && component < kStretches;
-  for (int t = 0; t < mesh.triangle_count(); ++t) {
-    const auto& v = mesh.triangles[at(t)];
+  for (const detail::SheetModel::ElementStrain& element :
+       sheet.element_strains(frame.x, component)) {
+    const auto& v = element.vertices;
     if (held[at(v[0])] && held[at(v[1])] && held[at(v[2])]) continue;
-    double strain = history[kHistory * t + component];
+    double strain = element.strain;
     if (relative) strain = std::sqrt(std::max(0.0, 1 + 2 * strain)) - 1;
     sample.strains.push_back(component < kStretches ? strain : std::abs(strain));
-    sample.areas.push_back(material_area(mesh, t));
+    sample.areas.push_back(element.area);
   }
 }
 
@@ -90,7 +84,7 @@ ComponentSample component_strains(const MechanicalTrial& trial,
     if (fabric.model == "springs")
       add_springs(trial, frame, mesh, fabric, component, sample);
     else
-      add_triangles(trial, frame, mesh, fabric, component, sample);
+      add_elements(trial, frame, mesh, fabric, component, sample);
   }
   return sample;
 }

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <numeric>
+#include <span>
 
 #include "weft/dynamics/clips.h"
 #include "weft/model/bending.h"
@@ -14,31 +15,51 @@ namespace {
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-/// A frame's share of the samples.
-void add_frame(const TriangleMesh& mesh, const std::vector<BendingElement>& plates,
-               const std::vector<int>& clip_of, const Points& x,
-               std::array<StrainSample, 5>& samples) {
-  for (int t = 0; t < mesh.triangle_count(); ++t) {
-    const auto& v = mesh.triangles[at(t)];
-    if (std::all_of(v.begin(), v.end(), [&](int i) { return clip_of[at(i)] >= 0; })) continue;
-    const auto shape =
-        triangle_shape(mesh.material.col(v[0]), mesh.material.col(v[1]), mesh.material.col(v[2]));
-    const auto w = deformation_gradient(shape, to_vector3(x.col(v[0])), to_vector3(x.col(v[1])),
-                                        to_vector3(x.col(v[2])));
-    const Vec3 wu = to_eigen(w.wu), wv = to_eigen(w.wv);
-    const BendingElement& plate = plates[at(t)];
-    std::array<Vector3<double>, 6> stencil;
-    for (std::size_t i = 0; i < 6; ++i) stencil[i] = to_vector3(x.col(plate.vertices[i]));
-    const auto curvature = triangle_curvature(plate.map, stencil);
-    const std::array<double, 5> strains{wu.norm() - 1, wv.norm() - 1,
-                                        wu.dot(wv) / wu.cross(wv).norm(), curvature.value[0],
-                                        curvature.value[1]};
-    for (std::size_t k = 0; k < 5; ++k) {
-      samples[k].value.push_back(strains[k]);
-      samples[k].area.push_back(shape.area);
+/// A frame's share of the samples, rigid pieces left out.
+class Sampler {
+ public:
+  Sampler(const std::vector<int>& clip_of, const Points& x, std::array<StrainSample, 5>& samples)
+      : clip_of_(clip_of), x_(x), samples_(samples) {}
+
+  void add_strains(const TriangleMesh& mesh) {
+    for (const auto& v : mesh.triangles) {
+      if (is_rigid(v)) continue;
+      const auto shape =
+          triangle_shape(mesh.material.col(v[0]), mesh.material.col(v[1]), mesh.material.col(v[2]));
+      const auto w = deformation_gradient(shape, to_vector3(x_.col(v[0])), to_vector3(x_.col(v[1])),
+                                          to_vector3(x_.col(v[2])));
+      const Vec3 wu = to_eigen(w.wu), wv = to_eigen(w.wv);
+      add(0, wu.norm() - 1, shape.area);
+      add(1, wv.norm() - 1, shape.area);
+      add(2, wu.dot(wv) / wu.cross(wv).norm(), shape.area);
     }
   }
-}
+
+  void add_curvatures(const std::vector<BendingElement>& plates) {
+    for (const BendingElement& plate : plates) {
+      if (is_rigid(std::span(plate.vertices).first<3>())) continue;
+      std::array<Vector3<double>, 6> stencil;
+      for (std::size_t i = 0; i < 6; ++i) stencil[i] = to_vector3(x_.col(plate.vertices[i]));
+      const auto curvature = triangle_curvature(plate.map, stencil);
+      add(3, curvature.value[0], plate.area);
+      add(4, curvature.value[1], plate.area);
+    }
+  }
+
+ private:
+  template <class Vertices>
+  bool is_rigid(const Vertices& vertices) const {
+    return std::ranges::all_of(vertices, [&](int i) { return clip_of_[at(i)] >= 0; });
+  }
+  void add(std::size_t component, double value, double area) {
+    samples_[component].value.push_back(value);
+    samples_[component].area.push_back(area);
+  }
+
+  const std::vector<int>& clip_of_;
+  const Points& x_;
+  std::array<StrainSample, 5>& samples_;
+};
 
 }  // namespace
 
@@ -53,7 +74,9 @@ std::array<StrainSample, 5> strain_samples(const MechanicalTrial& trial,
       if (trial.stage_of_frame[at(frame.frame)] != static_cast<int>(s) || !frame.converged)
         continue;
       const auto clip_of = clip_of_vertices(stage.mesh, trial.capture.clips(frame.frame));
-      add_frame(mesh, plates, clip_of, frame.x, samples);
+      Sampler sampler(clip_of, frame.x, samples);
+      sampler.add_strains(mesh);
+      sampler.add_curvatures(plates);
     }
   }
   return samples;

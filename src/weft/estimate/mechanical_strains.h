@@ -8,12 +8,12 @@
 
 namespace weft {
 
-/// Strain of one kind, as material_response() takes it, of every triangle that is not wholly inside
-/// a clip, in all frames: stretch |w| - 1 along a thread, the tangent of the shear angle, curvature
-/// along a thread (1/m).
+/// Strain of one kind, as material_response() takes it, of every element that is not wholly inside
+/// a clip, in all frames: of triangles stretch |w| - 1 along a thread and the tangent of the shear
+/// angle, of bending elements the curvature along a thread (1/m).
 struct StrainSample {
   std::vector<double> value;
-  std::vector<double> area;  ///< m^2, of the triangle
+  std::vector<double> area;  ///< m^2, of the element
 };
 /// One a test, in the order of kMaterialTests. Frames without equilibrium are left out.
 std::array<StrainSample, 5> strain_samples(const MechanicalTrial& trial,

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <optional>
+#include <utility>
 
 namespace weft {
 namespace {
@@ -67,6 +69,127 @@ BendingElement make_element(const TriangleMesh& mesh, int triangle, RimAngles ri
   return element;
 }
 
+/// Corners in counter-clockwise order.
+using Rectangle = std::array<int, 4>;
+
+/// Side of a right angle over which rounding of the coordinates may tilt it.
+constexpr double kRounding = 1e-9;
+
+/// The corner of triangle `t` with a right angle, 0 to 2, or -1.
+int right_angle(const TriangleMesh& mesh, const std::array<int, 3>& t) {
+  for (std::size_t j = 0; j < 3; ++j) {
+    const Vec2 to_next = mesh.material.col(t[(j + 1) % 3]) - mesh.material.col(t[j]);
+    const Vec2 to_last = mesh.material.col(t[(j + 2) % 3]) - mesh.material.col(t[j]);
+    if (std::abs(to_next.dot(to_last)) <= kRounding * to_next.norm() * to_last.norm())
+      return static_cast<int>(j);
+  }
+  return -1;
+}
+
+/// The rectangles of which `mesh` consists, each of two triangles; empty if there are others.
+std::vector<Rectangle> rectangles(const TriangleMesh& mesh,
+                                  const std::map<Edge, std::vector<int>>& all_apexes) {
+  std::vector<Rectangle> out;
+  std::size_t paired = 0;
+  for (const auto& t : mesh.triangles) {
+    const int j = right_angle(mesh, t);
+    if (j < 0) return {};
+    const int corner = t[at(j)], next = t[at((j + 1) % 3)], last = t[at((j + 2) % 3)];
+    const auto& opposite = all_apexes.at(edge(next, last));
+    if (opposite.size() != 2) return {};
+    const int across = opposite[0] == corner ? opposite[1] : opposite[0];
+    const Vec2 wanted =
+        mesh.material.col(next) + mesh.material.col(last) - mesh.material.col(corner);
+    const double diagonal = (mesh.material.col(last) - mesh.material.col(next)).norm();
+    if ((mesh.material.col(across) - wanted).norm() > kRounding * diagonal) return {};
+    ++paired;
+    if (corner < across) out.push_back({corner, next, across, last});
+  }
+  return paired == 2 * out.size() ? out : std::vector<Rectangle>{};
+}
+
+/// The rectangles at each of their sides.
+using Sides = std::map<Edge, std::vector<const Rectangle*>>;
+
+/// The vertex that goes on from `from` straight through `corner` into the rectangle across the side
+/// from `corner` to `side`; none at the rim.
+std::optional<int> straight_on(const Sides& sides, const Rectangle* rectangle, int corner,
+                               int side) {
+  for (const Rectangle* other : sides.at(edge(corner, side))) {
+    if (other == rectangle) continue;
+    const auto k = static_cast<std::size_t>(std::ranges::find(*other, corner) - other->begin());
+    const int next = (*other)[(k + 1) % 4], last = (*other)[(k + 3) % 4];
+    return next == side ? last : next;
+  }
+  return std::nullopt;
+}
+
+BendingElement corner_element(const TriangleMesh& mesh, const Sides& sides,
+                              const Rectangle& rectangle, std::size_t k, double share,
+                              RimAngles rim) {
+  const int corner = rectangle[k], right = rectangle[(k + 1) % 4], up = rectangle[(k + 3) % 4];
+  const Vec2 to_right = mesh.material.col(right) - mesh.material.col(corner);
+  const Vec2 to_up = mesh.material.col(up) - mesh.material.col(corner);
+  const Vec2 n1 = to_right.normalized(), n2 = to_up.normalized();
+  BendingElement element;
+  element.area = share * to_right.norm() * to_up.norm();
+  element.vertices = {corner, right, up, corner, rectangle[(k + 2) % 4], up};
+  Mat3 map = Mat3::Zero();
+  const auto add_bend = [&](int side, const Vec2& ahead, const Vec2& n, std::size_t j) {
+    if (const auto behind = straight_on(sides, &rectangle, corner, side)) {
+      element.vertices[3 + j] = *behind;
+      const double back = (mesh.material.col(*behind) - mesh.material.col(corner)).norm();
+      map.col(static_cast<Eigen::Index>(j)) = 2 / (ahead.norm() + back) * squared(n);
+    } else {
+      element.rim.push_back(squared(n));
+    }
+  };
+  add_bend(right, to_up, n2, 0);
+  add_bend(up, to_right, n1, 2);
+  map.col(1) = Vec3(2 * n1.x() * n2.x(), 2 * n1.y() * n2.y(),
+                    std::numbers::sqrt2 * (n1.x() * n2.y() + n1.y() * n2.x())) /
+               (to_right - to_up).norm();
+  if (rim == RimAngles::projected) project_out(element.rim, map);
+  for (std::size_t r = 0; r < 3; ++r)
+    for (std::size_t j = 0; j < 3; ++j)
+      element.map.r[r][j] = map(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(j));
+  return element;
+}
+
+/// Turns each rectangle so that it begins at the same corner as the first. Are all equal then?
+bool align(const TriangleMesh& mesh, std::vector<Rectangle>& cells) {
+  const auto side = [&](const Rectangle& cell, std::size_t i) -> Vec2 {
+    return mesh.material.col(cell[i + 1]) - mesh.material.col(cell[i]);
+  };
+  const Vec2 first = side(cells[0], 0), second = side(cells[0], 1);
+  const double rounding = kRounding * (first.norm() + second.norm());
+  const auto differs = [&](const Rectangle& cell) {
+    return (side(cell, 0) - first).norm() > rounding || (side(cell, 1) - second).norm() > rounding;
+  };
+  for (Rectangle& cell : cells) {
+    for (int turn = 0; turn < 3 && differs(cell); ++turn)
+      std::rotate(cell.begin(), cell.begin() + 1, cell.end());
+    if (differs(cell)) return false;
+  }
+  return true;
+}
+
+std::vector<BendingElement> corner_elements(const TriangleMesh& mesh, std::vector<Rectangle> cells,
+                                            RimAngles rim) {
+  // Two opposite corners are enough where all cells are equal: every vertex off the rim has two.
+  const std::size_t step = align(mesh, cells) ? 2 : 1;
+  Sides sides;
+  for (const Rectangle& cell : cells)
+    for (std::size_t k = 0; k < 4; ++k) sides[edge(cell[k], cell[(k + 1) % 4])].push_back(&cell);
+  std::vector<BendingElement> elements;
+  elements.reserve(4 / step * cells.size());
+  for (const Rectangle& cell : cells)
+    for (std::size_t k = 0; k < 4; k += step)
+      elements.push_back(
+          corner_element(mesh, sides, cell, k, 0.25 * static_cast<double>(step), rim));
+  return elements;
+}
+
 /// Curvature components that the element sees when its vertices lie on z = u v / sqrt(2), |K| = 1,
 /// to first order.
 Vec3 seen_twist(const TriangleMesh& mesh, const BendingElement& element) {
@@ -108,6 +231,8 @@ double twist_factor(const TriangleMesh& mesh, const std::vector<BendingElement>&
 
 std::vector<BendingElement> bending_elements(const TriangleMesh& mesh, RimAngles rim) {
   const auto all_apexes = apexes(mesh);
+  if (auto cells = rectangles(mesh, all_apexes); !cells.empty())
+    return corner_elements(mesh, std::move(cells), rim);
   std::vector<BendingElement> elements;
   elements.reserve(mesh.triangles.size());
   for (int t = 0; t < mesh.triangle_count(); ++t)

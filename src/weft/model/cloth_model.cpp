@@ -294,7 +294,7 @@ struct ClothModel::Impl {
 
   int first_diagonal() const { return 3 * mesh.triangle_count(); }
   int first_curvature() const { return (diagonals ? 6 : 3) * mesh.triangle_count(); }
-  int component_count() const { return first_curvature() + 3 * mesh.triangle_count(); }
+  int component_count() const { return first_curvature() + 3 * elements.bending_count; }
 
   /// Strain history of a group of triangles: of its strains, and of its curvatures.
   detail::MembraneTension<Lanes> history(const DampingRate& damping, std::size_t group) const {

@@ -22,10 +22,10 @@ struct DampingRate {
 /// A mesh and a fabric: the energy, the forces and their derivatives (Bhat 2003 section 3; Baraff
 /// and Witkin 1998 section 4). Geometry and sparsity are fixed at construction; the parameters may
 /// be set again. Components are ordered: stretch u and v and shear of each triangle, then the
-/// curvatures K_uu, K_vv and K_uv (with a factor) of each triangle.
+/// curvatures K_uu, K_vv and K_uv (with a factor) of each bending element (bending.h).
 ///
-/// Energy of a component: 1/2 w k C^2 with w the triangle's area (m^2). For the strains k is in
-/// N/m; for the curvatures (1/m, from the dihedral angles at the triangle's edges: bending.h) k is
+/// Energy of a component: 1/2 w k C^2 with w the element's area (m^2). For the strains k is in
+/// N/m; for the curvatures (1/m) k is
 /// the flexural rigidity in N m. Energies are linear in area: the parameters do not depend on the
 /// mesh.
 ///

@@ -44,6 +44,19 @@ void place(const BendingElement& element, const BlockPattern& pattern, int lane,
   group.area[lane] = lane < group.count ? element.area : 0;
 }
 
+/// `count` elements in groups of kLanes; the last group is filled up with the last element.
+template <class Group, class Place>
+std::vector<Group> groups(int count, const Place& place_one) {
+  std::vector<Group> out;
+  for (int first = 0; first < count; first += kLanes) {
+    Group& group = out.emplace_back();
+    group.count = std::min(kLanes, count - first);
+    for (int lane = 0; lane < kLanes; ++lane)
+      place_one(std::min(first + lane, count - 1), lane, group);
+  }
+  return out;
+}
+
 }  // namespace
 
 Elements make_elements(const TriangleMesh& mesh) {
@@ -53,19 +66,14 @@ Elements make_elements(const TriangleMesh& mesh) {
   elements.pattern = pattern.matrix();
   elements.columns = pattern.columns();
   elements.diagonal_slots = pattern.diagonal_slots();
-  const int triangle_count = mesh.triangle_count();
-  for (int first = 0; first < triangle_count; first += kLanes) {
-    TriangleGroup triangles{};
-    BendingGroup bends{};
-    triangles.count = bends.count = std::min(kLanes, triangle_count - first);
-    for (int lane = 0; lane < kLanes; ++lane) {
-      const int t = std::min(first + lane, triangle_count - 1);
-      place(mesh, mesh.triangles[at(t)], pattern, lane, triangles);
-      place(bending[at(t)], pattern, lane, bends);
-    }
-    elements.triangles.push_back(triangles);
-    elements.bending.push_back(bends);
-  }
+  elements.bending_count = static_cast<int>(bending.size());
+  elements.triangles =
+      groups<TriangleGroup>(mesh.triangle_count(), [&](int t, int lane, TriangleGroup& group) {
+        place(mesh, mesh.triangles[at(t)], pattern, lane, group);
+      });
+  elements.bending = groups<BendingGroup>(
+      elements.bending_count,
+      [&](int t, int lane, BendingGroup& group) { place(bending[at(t)], pattern, lane, group); });
   return elements;
 }
 

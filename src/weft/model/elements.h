@@ -19,7 +19,7 @@ struct TriangleGroup {
   TriangleShape<Lanes> shape;
 };
 
-/// kLanes triangles with their neighbours. `slots` of the blocks (1,0), (2,0), (2,1), (3,0) ...
+/// kLanes bending elements. `slots` of the blocks (1,0), (2,0), (2,1), (3,0) ...
 /// (5,4), see kPairs; where the row's vertex comes before the column's, the block is written
 /// transposed and its slot is ~slot.
 struct BendingGroup {
@@ -33,6 +33,7 @@ struct BendingGroup {
 struct Elements {
   std::vector<TriangleGroup> triangles;
   std::vector<BendingGroup> bending;
+  int bending_count;  ///< elements that are not filling
   SparseMatrix pattern;
   std::vector<ColumnLayout> columns;  ///< one a vertex
   std::vector<int> diagonal_slots;

@@ -222,14 +222,15 @@ SheetModel::SheetModel(const TriangleMesh& mesh, const Fabric& fabric, double gr
   const auto bends = bending_elements(turned, RimAngles::open);
   for (const BendingElement& bend : bends) pattern_.add_element(bend.vertices);
   pattern_.finish();
-  for (std::size_t t = 0; t < bends.size(); ++t) {
-    Triangle triangle{mesh.triangles[t], {}, {}};
+  for (const auto& vertices : mesh.triangles) {
+    Triangle triangle{vertices, {}, {}};
     const auto& v = triangle.vertices;
     triangle.shape = triangle_shape(turned.material.col(v[0]), turned.material.col(v[1]),
                                     turned.material.col(v[2]));
     find_slots(pattern_, triangle.vertices, triangle.slots);
     triangles_.push_back(triangle);
-    const BendingElement& bend = bends[t];
+  }
+  for (const BendingElement& bend : bends) {
     Plate plate{
         bend.vertices, {}, bend.map, bend.area, !bend.rim.empty(), span_projection(bend.rim)};
     find_slots(pattern_, plate.vertices, plate.slots);
@@ -237,7 +238,8 @@ SheetModel::SheetModel(const TriangleMesh& mesh, const Fabric& fabric, double gr
   }
   for (int i = 0; i < kComponents; ++i)
     if (has_friction(fabric, i)) rubbing_.push_back(i);
-  if (!rubbing_.empty()) history_ = VecX::Zero(kHistory * mesh.triangle_count());
+  if (!rubbing_.empty())
+    history_ = VecX::Zero(kHistory * static_cast<Eigen::Index>(element_count()));
   set_parameters(fabric.values);
 }
 
@@ -283,10 +285,10 @@ SheetModel::Bent SheetModel::bend(const Plate& plate, const Vec3& curvature) con
   return bent;
 }
 
-FrictionResponse SheetModel::rub(std::size_t t, int i, double strain) const {
-  const Eigen::Index first = kHistory * static_cast<Eigen::Index>(t);
-  return detail::respond(friction_[static_cast<std::size_t>(i)], strain, history_[first + i],
-                         history_[first + kComponents + i]);
+FrictionResponse SheetModel::rub(std::size_t e, int i, double strain) const {
+  const Eigen::Index first = kHistory * static_cast<Eigen::Index>(e) + i % 3;
+  return detail::respond(friction_[static_cast<std::size_t>(i)], strain, history_[first],
+                         history_[first + 3]);
 }
 
 SheetResponse SheetModel::membrane(std::size_t t, const Vec3& strain) const {
@@ -301,8 +303,8 @@ SheetResponse SheetModel::membrane(std::size_t t, const Vec3& strain) const {
   return out;
 }
 
-SheetModel::Bent SheetModel::bend(std::size_t t, const Vec3& curvature) const {
-  const Plate& plate = plates_[t];
+SheetModel::Bent SheetModel::bend(std::size_t p, const Vec3& curvature) const {
+  const Plate& plate = plates_[p];
   Bent out = bend(plate, curvature);
   if (rubbing_.empty() || rubbing_.back() < 3) return out;
   const Mat3 kept = Mat3::Identity() - plate.rim;
@@ -310,7 +312,7 @@ SheetModel::Bent SheetModel::bend(std::size_t t, const Vec3& curvature) const {
   Vec3 stress = Vec3::Zero(), tangent = Vec3::Zero();
   for (const int i : rubbing_) {
     if (i < 3) continue;
-    const FrictionResponse r = rub(t, i, rubbed[i - 3]);
+    const FrictionResponse r = rub(triangles_.size() + p, i, rubbed[i - 3]);
     out.response.energy += r.energy;
     stress[i - 3] = r.stress;
     tangent[i - 3] = r.tangent;
@@ -425,15 +427,16 @@ void SheetModel::parameter_derivative(const Points& x, MatX& derivative) const {
         derivative.col(of_membrane + p).segment<3>(3 * plate.vertices[i]) +=
             jacobian.middleRows<3>(static_cast<Eigen::Index>(3 * i)) * moment.col(p);
   }
-  for (std::size_t t = 0; !rubbing_.empty() && t < triangles_.size(); ++t) {
-    const Vec3 strain = membrane_strain(t, x), curvature = rubbed_curvature(t, x);
+  for (std::size_t e = 0; !rubbing_.empty() && e < element_count(); ++e) {
+    const Vec3 strain = rubbed_strain(e, x);
     int column = of_membrane + of_bending;
     for (const int i : rubbing_) {
-      const FrictionResponse r = rub(t, i, i < 3 ? strain[i] : curvature[i - 3]);
-      for (const double by : {r.by_amplitude, r.by_scale})
-        add_stress(t, x, i < 3 ? Vec3(by * Vec3::Unit(i)) : Vec3(Vec3::Zero()),
-                   i < 3 ? Vec3(Vec3::Zero()) : Vec3(by * Vec3::Unit(i - 3)),
-                   derivative.col(column++));
+      if (acts_on(i, e)) {
+        const FrictionResponse r = rub(e, i, strain[i % 3]);
+        add_stress(e, x, r.by_amplitude * Vec3::Unit(i % 3), derivative.col(column));
+        add_stress(e, x, r.by_scale * Vec3::Unit(i % 3), derivative.col(column + 1));
+      }
+      column += 2;
     }
   }
 }
@@ -442,23 +445,44 @@ Vec3 SheetModel::membrane_strain(std::size_t t, const Points& x) const {
   return green_strain(deformation(triangles_[t].shape, triangles_[t].vertices, x));
 }
 
-Vec3 SheetModel::rubbed_curvature(std::size_t t, const Points& x) const {
-  const Plate& plate = plates_[t];
+std::vector<SheetModel::ElementStrain> SheetModel::element_strains(const Points& x,
+                                                                   int component) const {
+  std::vector<ElementStrain> out;
+  for (std::size_t e = 0; e < element_count(); ++e) {
+    if (!acts_on(component, e)) continue;
+    const double strain = rubbed_strain(e, x)[component % 3];
+    if (e < triangles_.size()) {
+      out.push_back({triangles_[e].vertices, triangles_[e].shape.area, strain});
+    } else {
+      const Plate& plate = plates_[e - triangles_.size()];
+      out.push_back(
+          {{plate.vertices[0], plate.vertices[1], plate.vertices[2]}, plate.area, strain});
+    }
+  }
+  return out;
+}
+
+Vec3 SheetModel::rubbed_strain(std::size_t e, const Points& x) const {
+  if (e < triangles_.size()) return membrane_strain(e, x);
+  const Plate& plate = plates_[e - triangles_.size()];
   const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
   return vector(c.value) - plate.rim * vector(c.value);
 }
 
-void SheetModel::add_stress(std::size_t index, const Points& x, const Vec3& stress,
-                            const Vec3& moment, Eigen::Ref<VecX> column) const {
-  const Triangle& t = triangles_[index];
-  const Mat32 g = t.shape.area * deformation(t.shape, t.vertices, x) * stress_matrix(stress);
-  const auto du = t.shape.du(), dv = t.shape.dv();
-  for (std::size_t i = 0; i < 3; ++i)
-    column.segment<3>(3 * t.vertices[i]) += du[i] * g.col(0) + dv[i] * g.col(1);
-  const Plate& plate = plates_[index];
+void SheetModel::add_stress(std::size_t e, const Points& x, const Vec3& stress,
+                            Eigen::Ref<VecX> column) const {
+  if (e < triangles_.size()) {
+    const Triangle& t = triangles_[e];
+    const Mat32 g = t.shape.area * deformation(t.shape, t.vertices, x) * stress_matrix(stress);
+    const auto du = t.shape.du(), dv = t.shape.dv();
+    for (std::size_t i = 0; i < 3; ++i)
+      column.segment<3>(3 * t.vertices[i]) += du[i] * g.col(0) + dv[i] * g.col(1);
+    return;
+  }
+  const Plate& plate = plates_[e - triangles_.size()];
   const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
   const auto by_vertex =
-      curvature_gradient(plate.map, c, array(plate.area * (moment - plate.rim * moment)));
+      curvature_gradient(plate.map, c, array(plate.area * (stress - plate.rim * stress)));
   for (std::size_t i = 0; i < 6; ++i)
     column.segment<3>(3 * plate.vertices[i]) += to_eigen(by_vertex[i]);
 }
@@ -470,72 +494,76 @@ void SheetModel::set_history(const VecX& history) {
 
 VecX SheetModel::next_history(const Points& x) const {
   VecX next = history_;
-  for (std::size_t t = 0; !rubbing_.empty() && t < triangles_.size(); ++t) {
-    const Vec3 strain = membrane_strain(t, x), curvature = rubbed_curvature(t, x);
-    const Eigen::Index first = kHistory * static_cast<Eigen::Index>(t);
+  for (std::size_t e = 0; !rubbing_.empty() && e < element_count(); ++e) {
+    const Vec3 strain = rubbed_strain(e, x);
+    const Eigen::Index first = kHistory * static_cast<Eigen::Index>(e);
     next.segment<3>(first) = strain;
-    next.segment<3>(first + 3) = curvature;
-    for (const int i : rubbing_) next[first + kComponents + i] = rub(t, i, next[first + i]).stress;
+    for (const int i : rubbing_)
+      if (acts_on(i, e)) next[first + 3 + i % 3] = rub(e, i, strain[i % 3]).stress;
   }
   return next;
 }
 
 void SheetModel::add_history_derivative(const Points& x, const MatX& history_derivative,
                                         MatX& derivative) const {
-  for (std::size_t t = 0; !rubbing_.empty() && t < triangles_.size(); ++t) {
-    const Vec3 strain = membrane_strain(t, x), curvature = rubbed_curvature(t, x);
-    const Eigen::Index first = kHistory * static_cast<Eigen::Index>(t);
-    Eigen::Matrix<double, kComponents, 1> tangent, lag;
-    tangent.setZero();
-    lag.setZero();
+  for (std::size_t e = 0; !rubbing_.empty() && e < element_count(); ++e) {
+    const Vec3 strain = rubbed_strain(e, x);
+    const Eigen::Index first = kHistory * static_cast<Eigen::Index>(e);
+    Vec3 tangent = Vec3::Zero(), lag = Vec3::Zero();
     for (const int i : rubbing_) {
-      const FrictionResponse r = rub(t, i, i < 3 ? strain[i] : curvature[i - 3]);
-      tangent[i] = r.tangent;
-      lag[i] = r.by_former_stress;
+      if (!acts_on(i, e)) continue;
+      const FrictionResponse r = rub(e, i, strain[i % 3]);
+      tangent[i % 3] = r.tangent;
+      lag[i % 3] = r.by_former_stress;
     }
     for (Eigen::Index p = 0; p < derivative.cols(); ++p) {
-      const Eigen::Matrix<double, kComponents, 1> stress =
-          lag.cwiseProduct(history_derivative.col(p).segment<kComponents>(first + kComponents)) -
-          tangent.cwiseProduct(history_derivative.col(p).segment<kComponents>(first));
-      add_stress(t, x, stress.head<3>(), stress.tail<3>(), derivative.col(p));
+      const Vec3 stress = lag.cwiseProduct(history_derivative.col(p).segment<3>(first + 3)) -
+                          tangent.cwiseProduct(history_derivative.col(p).segment<3>(first));
+      add_stress(e, x, stress, derivative.col(p));
     }
   }
+}
+
+MatX SheetModel::strain_derivative(std::size_t e, const Points& x, const MatX& x_derivative) const {
+  MatX out = MatX::Zero(3, x_derivative.cols());
+  if (e < triangles_.size()) {
+    const Triangle& triangle = triangles_[e];
+    const Mat63 by_deformation = strain_gradient(deformation(triangle.shape, triangle.vertices, x));
+    const auto du = triangle.shape.du(), dv = triangle.shape.dv();
+    for (std::size_t i = 0; i < 3; ++i)
+      out += (du[i] * by_deformation.topRows<3>() + dv[i] * by_deformation.bottomRows<3>())
+                 .transpose() *
+             x_derivative.middleRows<3>(3 * triangle.vertices[i]);
+    return out;
+  }
+  const Plate& plate = plates_[e - triangles_.size()];
+  const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
+  const Mat18x3 jacobian = curvature_jacobian(plate.map, c) * (Mat3::Identity() - plate.rim);
+  for (std::size_t i = 0; i < 6; ++i)
+    out += jacobian.middleRows<3>(static_cast<Eigen::Index>(3 * i)).transpose() *
+           x_derivative.middleRows<3>(3 * plate.vertices[i]);
+  return out;
 }
 
 MatX SheetModel::next_history_derivative(const Points& x, const MatX& x_derivative,
                                          const MatX& history_derivative) const {
   MatX next = MatX::Zero(history_.size(), x_derivative.cols());
-  for (std::size_t t = 0; !rubbing_.empty() && t < triangles_.size(); ++t) {
-    const Triangle& triangle = triangles_[t];
-    const Plate& plate = plates_[t];
-    const Mat32 w = deformation(triangle.shape, triangle.vertices, x);
-    const Vec3 strain = green_strain(w), curvature = rubbed_curvature(t, x);
-    const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
-    const Mat18x3 jacobian = curvature_jacobian(plate.map, c) * (Mat3::Identity() - plate.rim);
-    const auto du = triangle.shape.du(), dv = triangle.shape.dv();
-    const Mat63 by_deformation = strain_gradient(w);
-    const Eigen::Index first = kHistory * static_cast<Eigen::Index>(t);
-    for (Eigen::Index p = 0; p < x_derivative.cols(); ++p) {
-      Eigen::Matrix<double, 6, 1> dw = Eigen::Matrix<double, 6, 1>::Zero();
-      for (std::size_t i = 0; i < 3; ++i) {
-        const Vec3 dx = x_derivative.col(p).segment<3>(3 * triangle.vertices[i]);
-        dw.head<3>() += du[i] * dx;
-        dw.tail<3>() += dv[i] * dx;
+  for (std::size_t e = 0; !rubbing_.empty() && e < element_count(); ++e) {
+    const Vec3 strain = rubbed_strain(e, x);
+    const Eigen::Index first = kHistory * static_cast<Eigen::Index>(e);
+    next.middleRows<3>(first) = strain_derivative(e, x, x_derivative);
+    int own = membrane_->parameter_count() + bending_->parameter_count();
+    for (const int i : rubbing_) {
+      if (acts_on(i, e)) {
+        const FrictionResponse r = rub(e, i, strain[i % 3]);
+        const Eigen::Index at_strain = first + i % 3, at_stress = at_strain + 3;
+        next.row(at_stress) =
+            r.tangent * (next.row(at_strain) - history_derivative.row(at_strain)) +
+            r.by_former_stress * history_derivative.row(at_stress);
+        next(at_stress, own) += r.by_amplitude;
+        next(at_stress, own + 1) += r.by_scale;
       }
-      next.col(p).segment<3>(first) = by_deformation.transpose() * dw;
-      for (std::size_t i = 0; i < 6; ++i)
-        next.col(p).segment<3>(first + 3) +=
-            jacobian.middleRows<3>(static_cast<Eigen::Index>(3 * i)).transpose() *
-            x_derivative.col(p).segment<3>(3 * plate.vertices[i]);
-      int own = membrane_->parameter_count() + bending_->parameter_count();
-      for (const int i : rubbing_) {
-        const FrictionResponse r = rub(t, i, i < 3 ? strain[i] : curvature[i - 3]);
-        const double by_parameter = p == own ? r.by_amplitude : p == own + 1 ? r.by_scale : 0;
-        own += 2;
-        next(first + kComponents + i, p) =
-            r.tangent * (next(first + i, p) - history_derivative(first + i, p)) +
-            r.by_former_stress * history_derivative(first + kComponents + i, p) + by_parameter;
-      }
+      own += 2;
     }
   }
   return next;

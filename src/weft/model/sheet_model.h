@@ -14,9 +14,9 @@ namespace weft::detail {
 using Mat32 = Eigen::Matrix<double, 3, 2>;
 
 /// A continuous sheet: a membrane law on each triangle and a bending law on the curvature of each
-/// triangle (bending.h), with energies linear in area.
+/// bending element (bending.h), with energies linear in area.
 ///
-/// Rim: no moment acts across a free edge. The energy of a triangle with edges on the rim is
+/// Rim: no moment acts across a free edge. The energy of an element with edges on the rim is
 /// minimized over the angles there, with the bending law itself, so that the edge of a plate with
 /// Poisson effect curls.
 ///
@@ -52,6 +52,15 @@ class SheetModel final : public ElasticModel {
   MatX next_history_derivative(const Points& x, const MatX& x_derivative,
                                const MatX& history_derivative) const override;
 
+  /// Of a triangle or a bending element.
+  struct ElementStrain {
+    std::array<int, 3> vertices;  ///< a bending element's are its corner and that one's neighbours
+    double area;                  ///< m^2
+    double strain;                ///< of the Green strain, or curvature less that of the rim, 1/m
+  };
+  /// Of component 0 to 2 (strains) or 3 to 5 (curvatures) at x.
+  std::vector<ElementStrain> element_strains(const Points& x, int component) const;
+
  private:
   struct Triangle {
     std::array<int, 3> vertices;
@@ -74,17 +83,21 @@ class SheetModel final : public ElasticModel {
   };
 
   Bent bend(const Plate& plate, const Vec3& curvature) const;
-  /// Friction of component `i` of six at triangle t.
-  FrictionResponse rub(std::size_t t, int i, double strain) const;
-  /// The laws with friction, at triangle t.
+  /// The laws with friction, at triangle t and at plate p.
   SheetResponse membrane(std::size_t t, const Vec3& strain) const;
-  Bent bend(std::size_t t, const Vec3& curvature) const;
+  Bent bend(std::size_t p, const Vec3& curvature) const;
   Vec3 membrane_strain(std::size_t t, const Points& x) const;
-  /// The curvature that friction acts on.
-  Vec3 rubbed_curvature(std::size_t t, const Points& x) const;
-  /// Adds the forces of the stresses by strain and by the curvature that friction acts on to rows
-  /// of a derivative.
-  void add_stress(std::size_t t, const Points& x, const Vec3& stress, const Vec3& moment,
+
+  // Friction counts the elements through, triangles and then plates. Component i of six acts on
+  // strain i of the triangles or curvature i - 3 of the plates.
+  std::size_t element_count() const { return triangles_.size() + plates_.size(); }
+  bool acts_on(int i, std::size_t e) const { return (i < 3) == (e < triangles_.size()); }
+  FrictionResponse rub(std::size_t e, int i, double strain) const;
+  /// The strain or the curvature that friction acts on, and its derivative by the columns of x's.
+  Vec3 rubbed_strain(std::size_t e, const Points& x) const;
+  MatX strain_derivative(std::size_t e, const Points& x, const MatX& x_derivative) const;
+  /// Adds the forces of a stress by that strain to rows of a derivative.
+  void add_stress(std::size_t e, const Points& x, const Vec3& stress,
                   Eigen::Ref<VecX> column) const;
   /// `by_deformation`: derivative of the energy density by (w_u, w_v).
   void add_gradient(const Triangle& triangle, const Mat32& by_deformation, Points& gradient) const;
@@ -92,7 +105,7 @@ class SheetModel final : public ElasticModel {
                     const Vec3& moment, Points& gradient) const;
   void add_membrane(std::size_t t, const Points& x, HessianKind kind, Points& gradient,
                     double* values) const;
-  void add_bending(std::size_t t, const Points& x, HessianKind kind, Points& gradient,
+  void add_bending(std::size_t p, const Points& x, HessianKind kind, Points& gradient,
                    double* values) const;
 
   TriangleMesh mesh_;
@@ -102,8 +115,9 @@ class SheetModel final : public ElasticModel {
   std::vector<Triangle> triangles_;
   std::vector<Plate> plates_;
 
-  static constexpr int kComponents = 6, kHistory = 2 * kComponents;
-  std::vector<int> rubbing_;  ///< components with friction, ascending
+  static constexpr int kComponents = 6;
+  static constexpr Eigen::Index kHistory = 6;  ///< of an element: three strains, three stresses
+  std::vector<int> rubbing_;                   ///< components with friction, ascending
   std::array<Friction, kComponents> friction_;
   VecX history_;
 };
