@@ -2,7 +2,8 @@
 /// fits from wrong ones.
 ///
 ///     weft_validate_mechanical DATA [truth] [refinement] [fit] [strips] [models]
-///                              [--cells N] [--fabric NAME] [--starts N]
+///                              [--cells N] [--pattern uniform|alternating] [--fabric NAME]
+///                              [--starts N]
 ///
 /// DATA: a folder with FABRIC_TEST/capture.toml for the tests stretch_u, stretch_v, shear, bend_u,
 /// bend_v and strip_00 to strip_90, each with truth/parameters.toml (membrane A11, A12, A22, A66 in
@@ -234,6 +235,8 @@ Arguments parse(int argc, char** argv) {
     const std::string word = argv[i];
     if (word == "--cells" && i + 1 < argc)
       arguments.options.cells = std::stoi(argv[++i]);
+    else if (word == "--pattern" && i + 1 < argc)
+      arguments.options.pattern = grid_pattern_from_name(argv[++i]);
     else if (word == "--starts" && i + 1 < argc)
       arguments.starts = static_cast<std::size_t>(std::stoi(argv[++i]));
     else if (word == "--fabric" && i + 1 < argc)
@@ -246,7 +249,7 @@ Arguments parse(int argc, char** argv) {
   if (arguments.data.empty())
     throw Error(
         "usage: weft_validate_mechanical DATA [truth] [refinement] [fit] [strips] "
-        "[models] [--cells N] [--fabric NAME] [--starts N]");
+        "[models] [--cells N] [--pattern NAME] [--fabric NAME] [--starts N]");
   if (arguments.parts.empty()) arguments.parts = {"truth", "refinement", "fit", "strips", "models"};
   return arguments;
 }

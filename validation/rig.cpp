@@ -5,7 +5,7 @@
 ///
 ///     weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME]
 ///                       [--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N]
-///                       [--alternating] [--no-noise] [--skip ROW]
+///                       [--uniform] [--no-noise] [--skip ROW]
 ///
 /// Captures are made in OUT where they are not there yet, of the fabrics validation/fabrics/rig_*.
 #include <fmt/format.h>
@@ -266,8 +266,8 @@ Arguments parse(int argc, char** argv) {
       arguments.skip = argv[++i];
     else if (word == "--no-noise")
       arguments.rig.noise = {0, 0, 0, 0};
-    else if (word == "--alternating")
-      arguments.options.pattern = GridPattern::alternating;
+    else if (word == "--uniform")
+      arguments.options.pattern = GridPattern::uniform;
     else if (arguments.out.empty())
       arguments.out = word;
     else
@@ -276,7 +276,7 @@ Arguments parse(int argc, char** argv) {
   if (arguments.out.empty())
     throw Error(
         "usage: weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME] "
-        "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--alternating] "
+        "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
         "[--skip ROW] "
         "[--no-noise]");
   if (arguments.parts.empty()) arguments.parts = {"recovery", "orders", "table"};

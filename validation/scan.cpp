@@ -115,11 +115,10 @@ void table1(const Arguments& arguments, bool noisy) {
                                            "fit on {} cells",
                                            arguments.fine, arguments.force_noise, arguments.cells)
                              : fmt::format("targets and fit on {} cells", arguments.cells));
-  const Targets targets = make_targets(
-      table1_experiments(),
-      noisy ? square(arguments.fine, arguments.fine_pattern)
-            : square(arguments.cells, arguments.pattern.value_or(GridPattern::uniform)),
-      truth, options);
+  const Targets targets = make_targets(table1_experiments(),
+                                       noisy ? square(arguments.fine, arguments.fine_pattern)
+                                             : square(arguments.cells, arguments.pattern),
+                                       truth, options);
   ScanOptions scan;
   scan.cells = noisy ? arguments.cells : 0;
   scan.pattern = arguments.pattern;
@@ -138,8 +137,7 @@ void table1(const Arguments& arguments, bool noisy) {
       });
   print_fit(problem, fit, &truth);
   print_targets(problem, fit.fabric, "at the estimate");
-  compare_unseen(fit.fabric, truth,
-                 square(arguments.cells, arguments.pattern.value_or(GridPattern::uniform)));
+  compare_unseen(fit.fabric, truth, square(arguments.cells, arguments.pattern));
 }
 
 Arguments parse(int argc, char** argv) {

@@ -15,7 +15,7 @@ struct Arguments {
   std::vector<std::string> parts;
   int cells = 24, fine = 64;
   double force_noise = 0.01;                        ///< N, of the part "noise"
-  std::optional<GridPattern> pattern;               ///< of the fit
+  GridPattern pattern = GridPattern::alternating;   ///< of the fit
   GridPattern fine_pattern = GridPattern::uniform;  ///< of what makes the targets
   DescriptorKind descriptor = DescriptorKind::fourier;
   std::filesystem::path out;  ///< captures are kept here

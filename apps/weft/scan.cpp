@@ -25,10 +25,9 @@ void ScanArguments::add_to(CLI::App& command) {
       ->capture_default_str();
   command
       .add_option("--pattern", pattern_,
-                  "scans: how the quads of the simulated grid are split: uniform (every diagonal "
-                  "runs the same way), alternating, or auto: alternating where only "
-                  "small clamps hold the cloth")
-      ->check(CLI::IsMember({"auto", "uniform", "alternating"}))
+                  "scans: how the quads of the simulated grid are split: alternating, or uniform: "
+                  "every diagonal runs the same way, and folds across them lock")
+      ->check(CLI::IsMember({"alternating", "uniform"}))
       ->capture_default_str();
   command
       .add_option("--registered-cells", registered_cells_,
@@ -44,7 +43,7 @@ ScanOptions ScanArguments::options(const CLI::App& command, int threads) const {
   const CLI::Option* cells = command.get_option_no_throw("--cells");
   if (cells && cells->count() > 0) options.cells = cells->as<int>();
   options.descriptor = descriptor_from_name(descriptor_);
-  if (pattern_ != "auto") options.pattern = grid_pattern_from_name(pattern_);
+  options.pattern = grid_pattern_from_name(pattern_);
   return options;
 }
 

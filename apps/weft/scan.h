@@ -27,7 +27,7 @@ class ScanArguments {
   std::string descriptor_ = "fourier";
   int registered_cells_ = RawScanOptions().cells;
   std::string solver_ = "static";
-  std::string pattern_ = "auto";
+  std::string pattern_ = "alternating";
 };
 
 /// How raw scans were registered: a line each, and as JSON (an object; null for a target that came

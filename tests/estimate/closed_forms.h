@@ -80,7 +80,7 @@ inline double strip_on_mesh(const Fabric& fabric, double stretch, int cells) {
 /// (mechanical_trial.h).
 inline double cantilever_on_mesh(const Fabric& fabric, double rigidity, double load, int cells) {
   const double length = 0.1, width = 0.02, h = length / cells;
-  const double depth = fabric.model == "springs" ? h : h / 3;
+  const double depth = fabric.model == "springs" ? h : 0.02 * h;
   std::vector<double> u{0};
   for (int i = 0; i <= cells; ++i) u.push_back(depth + i * h);
   const TriangleMesh mesh = make_swatch(u, grid_lines(width, {}, h), GridPattern::uniform);

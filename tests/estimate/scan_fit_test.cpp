@@ -37,7 +37,7 @@ Made make_of(const std::vector<ScanExperiment>& experiments, int cells,
   Made made;
   made.capture.width = made.capture.height = kSide;
   made.capture.areal_density = 0.2;
-  const TriangleMesh mesh = make_swatch(kSide, kSide, cells + 1, cells + 1, GridPattern::uniform);
+  const TriangleMesh mesh = make_swatch(kSide, kSide, cells + 1, cells + 1);
   for (const ScanExperiment& e : experiments) {
     SynthesizedScan scan = synthesize_scan(e, mesh, true_fabric(), options);
     EXPECT_TRUE(scan.converged) << e.name;
@@ -451,21 +451,18 @@ TEST(ScanFit, HangsAreSplitBothWays) {
     SCOPED_TRACE(cells);
     ScanOptions options;
     options.cells = cells;
-    auto trials = prepare_scan(made.capture, made.shapes, options);
-    EXPECT_FALSE(diagonals_run_alike(trials[0]->mesh));
-    EXPECT_TRUE(diagonals_run_alike(trials[1]->mesh));
-    options.pattern = GridPattern::uniform;
-    trials = prepare_scan(made.capture, made.shapes, options);
-    EXPECT_TRUE(diagonals_run_alike(trials[0]->mesh));
-    options.pattern = GridPattern::alternating;
-    trials = prepare_scan(made.capture, made.shapes, options);
-    // Cells of its own beside a broad bar are those of mechanical tests.
-    EXPECT_EQ(diagonals_run_alike(trials[1]->mesh), cells > 0);
+    for (const GridPattern pattern : {GridPattern::alternating, GridPattern::uniform}) {
+      options.pattern = pattern;
+      for (const auto& trial : prepare_scan(made.capture, made.shapes, options)) {
+        EXPECT_EQ(diagonals_run_alike(trial->mesh), pattern == GridPattern::uniform);
+        EXPECT_EQ(diagonals_run_alike(refined(*trial)->mesh), pattern == GridPattern::uniform);
+      }
+    }
   }
 }
 
 TEST(ScanFit, WeightsArePulls) {
-  const TriangleMesh mesh = make_swatch(kSide, kSide, 9, 9, GridPattern::uniform);
+  const TriangleMesh mesh = make_swatch(kSide, kSide, 9, 9);
   ScanSynthesis options;
   const SynthesizedScan corners =
       synthesize_scan(corner_weights(kSide, kSide, 0.95, 0.02, 0.05), mesh, true_fabric(), options);
@@ -481,10 +478,11 @@ TEST(ScanFit, WeightsArePulls) {
   EXPECT_TRUE(edge.converged);
   // A bar pulls straight down: the upper one carries the weight and the cloth.
   EXPECT_NEAR(*edge.target.clamps[0].force, (0.05 + 0.2 * kSide * kSide) * 9.81, 1e-6);
+  // Held together by springs of 1e5 N/m, of which the diagonals' load is some newtons.
   for (int i = 0; i < 9; ++i)
     for (int j = 0; j < i; ++j)
       EXPECT_NEAR((edge.exact.col(72 + i) - edge.exact.col(72 + j)).norm(),
-                  (mesh.material.col(72 + i) - mesh.material.col(72 + j)).norm(), 1e-5);
+                  (mesh.material.col(72 + i) - mesh.material.col(72 + j)).norm(), 3e-5);
   // Held where they ended, the bars pull as they did.
   ScanCapture capture;
   capture.width = capture.height = kSide;

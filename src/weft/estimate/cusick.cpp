@@ -187,7 +187,11 @@ DrapeShape simulate_drape(const Fabric& fabric, double areal_density, const Drap
         "or more are valid");
   if (fabric.model == "springs") throw Error("drape: springs stand on a rectangular grid");
   const double cell = (options.test.radius - options.test.support) / options.rings;
-  // A strip inside the support gives the clamp the stiffness of half a cell (mechanical_trial.h).
+  // A dihedral angle belongs to the triangles on both sides of its edge (bending.h), D / (2 h) + D
+  // / (2 e) per width and angle for cells of h and e; what should be there is 2 D / h, the
+  // curvature over half a cell. With a strip of e = h / 3 inside the support the clamp is where it
+  // is.
+  constexpr double kClampStrip = 1.0 / 3;
   std::vector<double> radii{options.test.support - kClampStrip * cell};
   for (int i = 0; i <= options.rings; ++i) radii.push_back(options.test.support + i * cell);
   DrapeShape shape;

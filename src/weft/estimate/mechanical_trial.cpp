@@ -15,6 +15,7 @@ namespace {
 constexpr int kMostCells = 200;
 constexpr double kWidestCell = 2;      // of the narrow side
 constexpr double kFinestCell = 0.25;   // at a clip, of the widest one
+constexpr double kClampStrip = 0.02;   // of a cell
 constexpr double kDeepestStrip = 0.4;  // of a clip's depth
 constexpr double kSameLine = 1e-7;     // m
 

@@ -16,10 +16,7 @@ struct MechanicalOptions {
   /// left between clips or beside one), 2 to 200; more where they are finer at a clip. Along the
   /// other side cells are at most twice as wide.
   int cells = 16;
-  /// On the alternating grid cloth bends too easily at a clip: cells there are far longer along its
-  /// border than across, and their diagonals let every other row of vertices bend beyond the
-  /// border.
-  GridPattern pattern = GridPattern::uniform;
+  GridPattern pattern = GridPattern::alternating;  ///< how the quads are split
   StaticOptions statics;
 };
 
@@ -28,10 +25,8 @@ struct MechanicalOptions {
 ///
 /// At a clip the cloth bends and strains most: cells are a quarter as wide there, and grow by a
 /// tenth of the distance. Where a clip reaches across the whole swatch its border has a second line
-/// beside it, inside the clip, at kClampStrip of the width of the cell outside. A dihedral angle
-/// belongs to the triangles on both sides of its edge, D / (2 h) + D / (2 e) per width and angle
-/// for cells of h and e; what should be there is 2 D / h, the curvature over half a cell. With e =
-/// h the clamp would lie half a cell deep in the clip, with e = h / 3 it is where it is.
+/// beside it, inside the clip, close to it: the bend at a line belongs to half of the cells on both
+/// of its sides (bending.h), of which none should lie in the clip.
 struct MechanicalStage {
   TriangleMesh mesh;
   std::vector<int> frames;
@@ -39,7 +34,6 @@ struct MechanicalStage {
   SparseMatrix points;
   std::vector<char> point_held;  ///< flags of the measured points in a clip
 };
-inline constexpr double kClampStrip = 1.0 / 3;  // of a cell
 
 struct MechanicalTrial {
   MechanicalCapture capture;

@@ -17,7 +17,6 @@ namespace {
 constexpr int kMostCells = 200;
 constexpr double kSamePlace = 1e-7;     // m
 constexpr double kEqualSpacing = 1e-4;  // of a cell
-constexpr double kSmallClamp = 0.1;     // of the shorter side
 constexpr double kMeasured = 0.5;       // least weight of a vertex that counts as measured
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
@@ -65,18 +64,8 @@ bool only_broad_bars(const ScanTarget& target) {
   });
 }
 
-GridPattern pattern_of(const ScanCapture& capture, const ScanTarget& target,
-                       const ScanOptions& options) {
-  if (options.pattern) return *options.pattern;
-  const double small = kSmallClamp * std::min(capture.width, capture.height);
-  const bool hangs =
-      std::all_of(target.clamps.begin(), target.clamps.end(), [small](const ScanClamp& clamp) {
-        return (clamp.region.upper - clamp.region.lower).maxCoeff() <= small;
-      });
-  return hangs ? GridPattern::alternating : GridPattern::uniform;
-}
-
-TriangleMesh mesh_of_bars(const ScanCapture& capture, const ScanTarget& target, int cells) {
+TriangleMesh mesh_of_bars(const ScanCapture& capture, const ScanTarget& target,
+                          const ScanOptions& scan_options) {
   MechanicalCapture bars;
   bars.name = target.name;
   bars.width = capture.width;
@@ -89,8 +78,8 @@ TriangleMesh mesh_of_bars(const ScanCapture& capture, const ScanTarget& target, 
     bars.fixtures.push_back(fixture);
   }
   MechanicalOptions options;
-  options.cells = cells;
-  options.pattern = GridPattern::uniform;
+  options.cells = scan_options.cells;
+  options.pattern = scan_options.pattern;
   return prepare_mechanical(bars, options)->stages.front().mesh;
 }
 
@@ -98,17 +87,17 @@ TriangleMesh simulated_mesh(const ScanCapture& capture, const ScanTarget& target
                             const ScanShape& shape, const ScanOptions& options) {
   if (options.cells == 0) {
     if (const auto lines = grid_of(shape.mesh))
-      return make_swatch(lines->u, lines->v, pattern_of(capture, target, options));
+      return make_swatch(lines->u, lines->v, options.pattern);
     throw Error(fmt::format(
         "target \"{}\": its vertices are no grid of rows and columns; say on how many cells to "
         "simulate it",
         target.name));
   }
-  if (only_broad_bars(target)) return mesh_of_bars(capture, target, options.cells);
+  if (only_broad_bars(target)) return mesh_of_bars(capture, target, options);
   const double spacing = std::min(capture.width, capture.height) / options.cells;
   return make_swatch(grid_lines(capture.width, borders_along(0, target.clamps), spacing),
                      grid_lines(capture.height, borders_along(1, target.clamps), spacing),
-                     pattern_of(capture, target, options));
+                     options.pattern);
 }
 
 bool equally_spaced(const std::vector<double>& lines) {
@@ -267,6 +256,7 @@ std::shared_ptr<ScanTrial> prepare_target(const ScanCapture& capture, const Scan
   trial->areal_density = capture.areal_density;
   trial->grain_angle = capture.grain_angle;
   trial->mesh = simulated_mesh(capture, target, trial->shape, options);
+  trial->pattern = options.pattern;
   hold(*trial);
 
   DescriptorGrid& grid = trial->grid;
@@ -351,7 +341,7 @@ std::shared_ptr<const ScanTrial> refined(const ScanTrial& trial) {
     throw Error(fmt::format("target \"{}\" would have {} cells across, more than {}",
                             trial.target.name, cells, kMostCells));
   auto finer = std::make_shared<ScanTrial>(trial);
-  finer->mesh = make_swatch(u, v, GridPattern::uniform);
+  finer->mesh = make_swatch(u, v, trial.pattern);
   hold(*finer);
   finer->sampling = sampling_of(finer->mesh, trial.grid.mesh.material);
   finer->at_scan = sampling_of(finer->mesh, trial.shape.mesh.material);

@@ -18,11 +18,8 @@ struct ScanOptions {
   /// hold an area are all that holds the cloth, across the shortest free side, finer beside the
   /// bars (mechanical_trial.h). 0: the grid that was registered, which then must be one.
   int cells = 0;
-  /// How its quads are split. Empty: alternating where the cloth hangs by small clamps alone (none
-  /// longer than a tenth of the shorter side), whose folds run from each of them and lock in one
-  /// direction where all diagonals run alike; else uniform, on which bending converges faster
-  /// (model/bending.h). The grid that broad bars alone hold is always uniform.
-  std::optional<GridPattern> pattern{};
+  /// How its quads are split. Where all diagonals run alike, folds across them lock.
+  GridPattern pattern = GridPattern::alternating;
   DescriptorKind descriptor = DescriptorKind::fourier;
   RawScanOptions raw{};  ///< of targets without a registered grid
 };
@@ -41,6 +38,7 @@ struct ScanTrial {
   double grain_angle = 0;                        ///< rad
 
   TriangleMesh mesh;          ///< simulated
+  GridPattern pattern{};      ///< how its quads are split
   std::vector<int> clamp_of;  ///< a number a vertex, -1: free
   std::vector<char> held;
   Points start;  ///< m; at the scan, or where the target says, with the held vertices in place
