@@ -8,6 +8,7 @@
 ///
 /// Two kinds of truth: `same` has the mesh and the steps of the fit, so that the noise of the video
 /// is all that is wrong; `other` has a finer mesh, split the other way, and a quarter of the step.
+/// Of the latter the intervals hold what halving the cells and steps of the fit does.
 /// The motion starts from the true first frame in both. Writes recoveries.csv (a row a parameter
 /// and recovery; rows of an earlier run stay, so that more recoveries can be added with --first),
 /// parts.csv (truth, recovery, frame or
@@ -30,6 +31,7 @@
 #include "weft/estimate/linearize_trial.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/estimate/uncertainty.h"
+#include "weft/estimate/video_mesh_error.h"
 #include "weft/report/plot.h"
 
 namespace {
@@ -48,7 +50,7 @@ struct Arguments {
 
 const std::string kHeader =
     "truth,recovery,parameter,true_scaled,estimate_scaled,half_width,determined,at_bound,holds,"
-    "condition,dispersion,gain,cost";
+    "condition,dispersion,gain,cost,noise_half_width,mesh_shift";
 
 struct Tally {
   int held = 0, determined = 0, all = 0;
@@ -115,7 +117,14 @@ class Study {
     const LeastSquaresResult fit = descend(problem, start);
     if (!std::isfinite(fit.cost)) throw Error("the fit diverged");
     const std::vector<PatchPart> parts = linearize_patches(problem, fit.x, linearization());
-    const Uncertainty uncertainty = estimate_uncertainty(problem, fit.x, parts);
+    const Uncertainty scatter = estimate_uncertainty(problem, fit.x, parts);
+    // On the mesh of the truth there is no error of the mesh.
+    const MeshShift mesh = same ? MeshShift{}
+                                : find_mesh_shift(problem, fit.x, frames_of(parts),
+                                                  scatter.dispersion, linearization());
+    UncertaintyOptions with_mesh;
+    with_mesh.systematic = mesh_half_widths(mesh.shift);
+    const Uncertainty uncertainty = estimate_uncertainty(problem, fit.x, parts, with_mesh);
     const double gain = fit.cost / evaluate_cost(problem, true_scaled, linearization()).cost;
     Rows rows;
     const auto add_parts = [&](const char* kind, const std::vector<CostPart>& sums) {
@@ -131,12 +140,13 @@ class Study {
     for (int i = 0; i < problem.dimension(); ++i) {
       const ParameterInterval& p = uncertainty.parameters[static_cast<std::size_t>(i)];
       const double value = truth.value(p.name);
-      rows.coverage +=
-          fmt::format("{},{},{},{:.6f},{:.6f},{:.6g},{},{},{},{:.3g},{:.3g},{:.4g},{:.4g}\n",
-                      same ? "same" : "other", index, p.name, true_scaled[i], fit.x[i],
-                      p.half_width, int(p.determined), int(p.at_lower || p.at_upper),
-                      int(value >= p.lower && value <= p.upper), uncertainty.condition,
-                      uncertainty.dispersion, gain, fit.cost);
+      rows.coverage += fmt::format(
+          "{},{},{},{:.6f},{:.6f},{:.6g},{},{},{},{:.3g},{:.3g},{:.4g},{:.4g},{:.6g},{:.6g}\n",
+          same ? "same" : "other", index, p.name, true_scaled[i], fit.x[i], p.half_width,
+          int(p.determined), int(p.at_lower || p.at_upper),
+          int(value >= p.lower && value <= p.upper), uncertainty.condition, uncertainty.dispersion,
+          gain, fit.cost, scatter.parameters[static_cast<std::size_t>(i)].half_width,
+          mesh.shift.size() > 0 ? mesh.shift[i] : 0);
     }
     return rows;
   }

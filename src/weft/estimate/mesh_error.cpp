@@ -16,10 +16,9 @@ constexpr double kMeshLimit = 2;
 
 /// - H^-1 gradient over the directions that the data determine: those whose standard deviation
 /// alone would not make an interval that says nothing.
-VecX newton_step(const MatX& hessian, const VecX& gradient, std::size_t residual_count) {
+VecX newton_step(const MatX& hessian, const VecX& gradient, double noise) {
   const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
-  const double least =
-      2 / (static_cast<double>(residual_count) * widest_half_interval * widest_half_interval);
+  const double least = noise / (widest_half_interval * widest_half_interval);
   VecX along = eigen.eigenvectors().transpose() * gradient;
   for (Eigen::Index i = 0; i < along.size(); ++i)
     along[i] = eigen.eigenvalues()[i] > least ? -along[i] / eigen.eigenvalues()[i] : 0;
@@ -28,14 +27,12 @@ VecX newton_step(const MatX& hessian, const VecX& gradient, std::size_t residual
 
 /// The same within the ranges: what is at an end towards which the cost falls is held there, what
 /// the step would carry beyond one goes to it, and the others make up for that.
-VecX gauss_newton_step(const VecX& scaled, const QuadraticModel& model,
-                       std::size_t residual_count) {
+VecX gauss_newton_step(const VecX& scaled, const QuadraticModel& model, double noise) {
   VecX step = VecX::Zero(scaled.size());
   std::vector<Eigen::Index> free = inside_bounds(scaled, model.gradient);
   while (!free.empty()) {
     const VecX gradient = model.gradient + model.hessian * step;
-    const VecX end =
-        scaled(free) + newton_step(model.hessian(free, free), gradient(free), residual_count);
+    const VecX end = scaled(free) + newton_step(model.hessian(free, free), gradient(free), noise);
     std::vector<Eigen::Index> inside;
     for (std::size_t k = 0; k < free.size(); ++k) {
       const double value = end[static_cast<Eigen::Index>(k)];
@@ -56,9 +53,8 @@ VecX gauss_newton_step(const VecX& scaled, const QuadraticModel& model,
 }  // namespace
 
 VecX mesh_shift(const VecX& scaled, const QuadraticModel& here, const QuadraticModel& finer,
-                std::size_t residual_count) {
-  return gauss_newton_step(scaled, finer, residual_count) -
-         gauss_newton_step(scaled, here, residual_count);
+                double noise) {
+  return gauss_newton_step(scaled, finer, noise) - gauss_newton_step(scaled, here, noise);
 }
 
 VecX mesh_half_widths(const VecX& shift) { return kMeshLimit * shift.cwiseAbs(); }

@@ -20,13 +20,13 @@ struct MeshShift {
 };
 
 /// The Gauss-Newton step -H^-1 g on cells of half the width less the one `here`, on the cells of
-/// the fit: both about the estimate at `scaled` ([0, 1]), with costs that are means over
-/// `residual_count` squares. A direction whose standard deviation is more than half of the range
-/// does not count. The steps stay within the ranges: a parameter at a bound towards which a mesh's
-/// cost falls is held there, as in the intervals (residual_intervals.h), and one that would cross
-/// a bound stops at it.
+/// the fit: both about the estimate at `scaled` ([0, 1]), whose covariance is `noise` H^-1 (2 / n
+/// where the cost is the mean of n squares of variance 1). A direction whose standard deviation is
+/// more than half of the range does not count. The steps stay within the ranges: a parameter at a
+/// bound towards which a mesh's cost falls is held there, as in the intervals
+/// (residual_intervals.h), and one that would cross a bound stops at it.
 VecX mesh_shift(const VecX& scaled, const QuadraticModel& here, const QuadraticModel& finer,
-                std::size_t residual_count);
+                double noise);
 
 /// Of a problem with refined() and linearize(), whose linearization at `scaled` is `here`. Unknown
 /// where the finer cells would be more than may be, and where no equilibrium is found.
@@ -45,7 +45,9 @@ MeshShift find_mesh_shift(const Problem& problem, const VecX& scaled,
   }
   const auto finer = refined->linearize(scaled);
   if (!std::isfinite(finer.model.cost)) return unknown(finer.reason);
-  return {mesh_shift(scaled, here.model, finer.model, problem.residual_count()), {}};
+  return {mesh_shift(scaled, here.model, finer.model,
+                     2 / static_cast<double>(problem.residual_count())),
+          {}};
 }
 
 /// What is added to the half widths of the intervals: twice the shift, where the estimate would go

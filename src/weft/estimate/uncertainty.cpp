@@ -356,7 +356,10 @@ class UncertaintyOfEstimate {
     set(i, lost ? kInfinity : quantile(found.clusters) * std::sqrt(found.covariance(row, row)));
   }
 
-  void set(Eigen::Index i, double half_width) {
+  /// `scatter`: half the interval that the scatter of the residuals makes.
+  void set(Eigen::Index i, double scatter) {
+    const double half_width =
+        options_.systematic.size() > 0 ? scatter + options_.systematic[i] : scatter;
     const ParameterInfo& info = problem_.info(static_cast<int>(i));
     ParameterInterval& p = result_.parameters[static_cast<std::size_t>(i)];
     p.name = info.name;

@@ -72,6 +72,8 @@ struct UncertaintyOptions {
   double confidence = 0.9;  ///< of the intervals, (0, 1)
   /// Successive frames whose residuals are taken to depend on each other; 0: frames_per_cluster().
   int frames_per_cluster = 0;
+  /// Added to the half widths, scaled coordinates, >= 0; empty: nothing.
+  VecX systematic{};
 };
 
 /// Scaled coordinate: an interval of half the range and more to either side says nothing.
