@@ -6,7 +6,7 @@
 ///     weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME]
 ///                       [--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N]
 ///                       [--alternating] [--no-noise] [--noise P,C,F,R] [--skip ROW]
-///                       [--cord-friction auto|fit|none]
+///                       [--only ROW] [--cord-friction auto|fit|none] [--no-mesh-error]
 ///
 /// --noise has the deviations of points and clips (m) and of forces, and the cords' friction (N).
 /// Captures are made in OUT where they are not there yet, of the fabrics validation/fabrics/rig_*.
@@ -44,6 +44,7 @@ struct Arguments {
   MeshError mesh_error = MeshError::included;
   CordFriction cord_friction = CordFriction::as_captured;
   std::string skip;  ///< a component that is not searched and starts at the truth
+  std::string only;  ///< the one component that is searched; all others have the truth
   bool has(const std::string& part) const {
     return std::find(parts.begin(), parts.end(), part) != parts.end();
   }
@@ -186,6 +187,7 @@ CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const
   std::string last;
   std::vector<std::string> rows = searched_parameters(start.model);
   std::erase(rows, arguments.skip);
+  if (!arguments.only.empty()) rows = {arguments.only};
   CurveFitResult found = fit_curves(
       trials, start, rows, chosen, [&](const std::string& stage, const MechanicalFitStep& step) {
         if (stage != last)
@@ -224,7 +226,9 @@ void recovery(const Arguments& arguments, const std::string& name, FitOrder orde
     options.order = order;
     options.shape = CurveShape::subdivided;
     Fabric wrong = wrong_fabric(truth, truth.model, start);
-    if (!arguments.skip.empty()) wrong.set_curve(arguments.skip, truth.curve(arguments.skip));
+    for (const ThreadParameter& p : kThreadParameters)
+      if (arguments.only.empty() ? p.name == arguments.skip : p.name != arguments.only)
+        wrong.set_curve(p.name, truth.curve(p.name));
     const CurveFitResult found = timed_fit(
         arguments, trials, wrong, options,
         fmt::format("{}: {} fit of {} from {}", name,
@@ -232,7 +236,7 @@ void recovery(const Arguments& arguments, const std::string& name, FitOrder orde
     print_stages(found);
     print_friction(arguments, trials, found);
     compare_curves(arguments, trials, truth, found);
-    print_tests(arguments, name, found.fit.fabric);
+    if (arguments.only.empty()) print_tests(arguments, name, found.fit.fabric);
   }
 }
 
@@ -288,6 +292,10 @@ Arguments parse(int argc, char** argv) {
       arguments.skip = argv[++i];
     else if (word == "--no-noise")
       arguments.rig.noise = {0, 0, 0, 0};
+    else if (word == "--only" && more)
+      arguments.only = argv[++i];
+    else if (word == "--no-mesh-error")
+      arguments.mesh_error = MeshError::left_out;
     else if (word == "--noise" && more)
       arguments.rig.noise = parse_noise(argv[++i]);
     else if (word == "--cord-friction" && more)
@@ -303,7 +311,7 @@ Arguments parse(int argc, char** argv) {
     throw Error(
         "usage: weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME] "
         "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--alternating] "
-        "[--skip ROW] "
+        "[--skip ROW] [--only ROW] [--no-mesh-error] "
         "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none]");
   if (arguments.parts.empty()) arguments.parts = {"recovery", "orders", "table"};
   return arguments;
