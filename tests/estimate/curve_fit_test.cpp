@@ -160,7 +160,7 @@ TEST(MechanicalProblem, GradientWithTiesAndForcesAlongClips) {
   Fabric wrong = fabric;
   wrong.values.head<8>() *= 1.3;
   MechanicalCostOptions options;
-  options.forces = MechanicalForces::shear;
+  options.forces = MechanicalForces::along_clips;
   options.ties = {{"warp_stretch_2", "weft_stretch_2"}};
   const MechanicalProblem problem(trials, wrong, {"weft_stretch_2", "shear_2"}, options);
   EXPECT_EQ(problem.residual_count(),

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -9,7 +10,6 @@
 #include <limits>
 
 #include "weft/base/error.h"
-#include "weft/estimate/clip_map.h"
 #include "weft/estimate/component_strains.h"
 #include "weft/estimate/content_hash.h"
 
@@ -235,7 +235,7 @@ class CurveFitter {
         if (step_of(row)->step == step.step) group.rows.push_back(row);
       if (group.rows.empty()) continue;
       group.trials = trials_for(group.rows.front());
-      if (step.step == Step::shear) group.forces = MechanicalForces::shear;
+      if (step.step == Step::shear) group.forces = MechanicalForces::along_clips;
       if (step.step == Step::coupling)  // found with what it is coupled to
         for (const std::string& row : rows_)
           if (step_of(row)->step == Step::weft_stretch || step_of(row)->step == Step::warp_stretch)
@@ -408,8 +408,21 @@ class CurveFitter {
 /// Green strain of the affine map nearest to where a frame's clips have their corners, along the
 /// threads: (E_uu, E_vv, 2 E_uv).
 Vec3 strain_of_clips(const std::vector<Clip>& clips, double grain_angle) {
+  const auto count = static_cast<Eigen::Index>(4 * clips.size());
+  Eigen::MatrixX3d from(count, 3);
+  Eigen::MatrixX3d to(count, 3);
+  Eigen::Index k = 0;
+  for (const Clip& clip : clips) {
+    for (int corner = 0; corner < 4; ++corner, ++k) {
+      const Vec2 uv(corner % 2 ? clip.region.upper.x() : clip.region.lower.x(),
+                    corner / 2 ? clip.region.upper.y() : clip.region.lower.y());
+      from.row(k) << uv.x(), uv.y(), 1;
+      to.row(k) = clip.place(uv);
+    }
+  }
+  const Mat3 map = from.colPivHouseholderQr().solve(to).transpose();
   const Eigen::Matrix<double, 3, 2> f =
-      map_of_clips(clips) * Eigen::Rotation2Dd(grain_angle).toRotationMatrix();
+      map.leftCols<2>() * Eigen::Rotation2Dd(grain_angle).toRotationMatrix();
   return {0.5 * (f.col(0).squaredNorm() - 1), 0.5 * (f.col(1).squaredNorm() - 1),
           f.col(0).dot(f.col(1))};
 }

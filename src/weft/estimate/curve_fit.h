@@ -12,7 +12,7 @@ namespace weft {
 
 enum class FitOrder {
   joint,  ///< all parameters to all captures at once
-  /// Weft and warp stretch, then shear (by MechanicalForces::shear), then weft and warp bend,
+  /// Weft and warp stretch, then shear (by the forces along the clips), then weft and warp bend,
   /// then the diagonal bend, each from the captures that isolate it; then once more.
   incremental
 };

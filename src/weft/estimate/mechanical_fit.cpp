@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "weft/base/error.h"
-#include "weft/estimate/clip_map.h"
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/packed_numbers.h"
@@ -32,6 +31,12 @@ void check(const MechanicalCostOptions& options) {
     throw Error(fmt::format("point noise is {:g} m, must be above 0", options.point_noise));
   if (!(options.least_way > 0) || !std::isfinite(options.least_way))
     throw Error(fmt::format("least way of a clip is {:g} m, must be above 0", options.least_way));
+}
+
+/// The long side of a clip, where it is now.
+Vec3 along(const Clip& clip) {
+  const Vec2 size = clip.region.upper - clip.region.lower;
+  return clip.rotation * (size.x() >= size.y() ? Vec3::UnitX() : Vec3::UnitY());
 }
 
 }  // namespace
@@ -197,13 +202,12 @@ std::string MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivative
 template <typename Add>
 void MechanicalProblem::for_each_force(const MechanicalTrial& trial, int frame,
                                        const Add& add) const {
-  const std::vector<Clip> clips = trial.capture.clips(frame);
   for (std::size_t c = 0; c < trial.capture.fixtures.size(); ++c) {
     const MechanicalFixture& fixture = trial.capture.fixtures[c];
     if (fixture.forces.cols() == 0) continue;
     const Vec3 measured = fixture.forces.col(frame);
-    if (options_.forces == MechanicalForces::shear) {
-      const Vec3 direction = shear_direction(clips, c);
+    if (options_.forces == MechanicalForces::along_clips) {
+      const Vec3 direction = along(fixture.frames[at(frame)]);
       if (!measured.hasNaN()) add(c, direction, direction.dot(measured));
       continue;
     }

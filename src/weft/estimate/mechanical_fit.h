@@ -34,9 +34,9 @@ MechanicalResiduals mechanical_residuals_from_name(std::string_view name);
 /// Which components of a clip's force are compared.
 enum class MechanicalForces {
   all,
-  /// That of the shear (shear_direction() in clip_map.h), where all three were measured; the other
-  /// is of the stretch.
-  shear
+  /// That along the long side of the clip, where all three were measured: in an even shear it is of
+  /// the shear alone, while the one across is of the stretch (Miguel et al. 2012, section 5.1).
+  along_clips
 };
 
 /// Of which captures the friction of the cords (cord_friction.h) is found with the fabric.
