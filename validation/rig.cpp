@@ -5,8 +5,10 @@
 ///
 ///     weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME]
 ///                       [--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N]
-///                       [--uniform] [--no-noise] [--skip ROW]
+///                       [--uniform] [--no-noise] [--noise P,C,F,R] [--skip ROW]
+///                       [--only ROW] [--cord-friction auto|fit|none] [--no-mesh-error]
 ///
+/// --noise has the deviations of points and clips (m) and of forces, and the cords' friction (N).
 /// Captures are made in OUT where they are not there yet, of the fabrics validation/fabrics/rig_*.
 #include <fmt/format.h>
 
@@ -40,7 +42,9 @@ struct Arguments {
   int starts = 1;
   int threads = 0;
   MeshError mesh_error = MeshError::included;
+  CordFriction cord_friction = CordFriction::as_captured;
   std::string skip;  ///< a component that is not searched and starts at the truth
+  std::string only;  ///< the one component that is searched; all others have the truth
   bool has(const std::string& part) const {
     return std::find(parts.begin(), parts.end(), part) != parts.end();
   }
@@ -179,9 +183,11 @@ CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const
   CurveFitOptions chosen = options;
   chosen.threads = arguments.threads;
   chosen.fit.mesh_error = arguments.mesh_error;
+  chosen.cost.cord_friction = arguments.cord_friction;
   std::string last;
   std::vector<std::string> rows = searched_parameters(start.model);
   std::erase(rows, arguments.skip);
+  if (!arguments.only.empty()) rows = {arguments.only};
   CurveFitResult found = fit_curves(
       trials, start, rows, chosen, [&](const std::string& stage, const MechanicalFitStep& step) {
         if (stage != last)
@@ -194,6 +200,14 @@ CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const
              cpu_seconds() - before);
   std::fflush(stdout);
   return found;
+}
+
+void print_friction(const Arguments& arguments, const Trials& trials, const CurveFitResult& found) {
+  for (const CordFrictionEstimate& friction : found.fit.cord_friction)
+    fmt::print("  cords of {}: {:.5f} N, {:.5f} to {:.5f} N (made with {:.5f} N)\n",
+               trials[friction.trial]->capture.name, friction.interval.value,
+               friction.interval.lower, friction.interval.upper,
+               0.5 * arguments.rig.noise.cord_friction);
 }
 
 void print_stages(const CurveFitResult& found) {
@@ -212,14 +226,17 @@ void recovery(const Arguments& arguments, const std::string& name, FitOrder orde
     options.order = order;
     options.shape = CurveShape::subdivided;
     Fabric wrong = wrong_fabric(truth, truth.model, start);
-    if (!arguments.skip.empty()) wrong.set_curve(arguments.skip, truth.curve(arguments.skip));
+    for (const ThreadParameter& p : kThreadParameters)
+      if (arguments.only.empty() ? p.name == arguments.skip : p.name != arguments.only)
+        wrong.set_curve(p.name, truth.curve(p.name));
     const CurveFitResult found = timed_fit(
         arguments, trials, wrong, options,
         fmt::format("{}: {} fit of {} from {}", name,
                     order == FitOrder::joint ? "joint" : "incremental", truth.model, start.name));
     print_stages(found);
+    print_friction(arguments, trials, found);
     compare_curves(arguments, trials, truth, found);
-    print_tests(arguments, name, found.fit.fabric);
+    if (arguments.only.empty()) print_tests(arguments, name, found.fit.fabric);
   }
 }
 
@@ -241,6 +258,15 @@ void table(const Arguments& arguments, const std::string& name) {
       }
     }
   }
+}
+
+/// "7.5e-5,1.25e-5,3e-3,0.1": points, clips, forces, cord friction.
+RigNoise parse_noise(const std::string& text) {
+  RigNoise noise;
+  if (std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf", &noise.points, &noise.clips, &noise.forces,
+                  &noise.cord_friction) != 4)
+    throw Error(fmt::format("--noise {}: four numbers with commas are needed", text));
+  return noise;
 }
 
 Arguments parse(int argc, char** argv) {
@@ -266,6 +292,14 @@ Arguments parse(int argc, char** argv) {
       arguments.skip = argv[++i];
     else if (word == "--no-noise")
       arguments.rig.noise = {0, 0, 0, 0};
+    else if (word == "--only" && more)
+      arguments.only = argv[++i];
+    else if (word == "--no-mesh-error")
+      arguments.mesh_error = MeshError::left_out;
+    else if (word == "--noise" && more)
+      arguments.rig.noise = parse_noise(argv[++i]);
+    else if (word == "--cord-friction" && more)
+      arguments.cord_friction = cord_friction_from_name(argv[++i]);
     else if (word == "--uniform")
       arguments.options.pattern = GridPattern::uniform;
     else if (arguments.out.empty())
@@ -277,8 +311,8 @@ Arguments parse(int argc, char** argv) {
     throw Error(
         "usage: weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME] "
         "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
-        "[--skip ROW] "
-        "[--no-noise]");
+        "[--skip ROW] [--only ROW] [--no-mesh-error] "
+        "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none]");
   if (arguments.parts.empty()) arguments.parts = {"recovery", "orders", "table"};
   return arguments;
 }

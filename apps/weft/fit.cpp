@@ -364,7 +364,7 @@ const std::vector<std::string> kVideoFitOptions{
     "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",
     "--iterations", "--simplex", "--no-variability", "--variability-curves"};
 const std::vector<std::string> kMechanicalFitOptions{"--residuals", "--force-noise",
-                                                     "--point-noise"};
+                                                     "--point-noise", "--cord-friction"};
 
 MeshError mesh_error_of(const Arguments& arguments) {
   return arguments.no_mesh_error ? MeshError::left_out : MeshError::included;
@@ -527,6 +527,13 @@ void add_fit(CLI::App& app) {
       ->add_option("--point-noise", mechanical.point_noise,
                    "mechanical captures: standard deviation of a coordinate, m")
       ->check(number_in(1e-9, 1))
+      ->capture_default_str();
+  command
+      ->add_option("--cord-friction", mechanical.cord_friction,
+                   "mechanical captures: the friction of the cords that pull the clips, one number "
+                   "a capture, found with the fabric; auto: of captures with drive = \"cords\"; "
+                   "fit: of all; none")
+      ->check(CLI::IsMember({"auto", "fit", "none"}))
       ->capture_default_str();
   command->add_flag(
       kNoMeshError, arguments->no_mesh_error,

@@ -90,6 +90,7 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
       {"residuals", arguments.residuals},
       {"force noise (N)", arguments.force_noise},
       {"point noise (m)", arguments.point_noise},
+      {"friction of cords", arguments.cord_friction},
       {"cells", static_cast<std::int64_t>(arguments.options.cells)},
       {std::string(intervals_setting), interval_contents(arguments.mesh_error, fit.mesh)},
       {"start", arguments.start}};
@@ -120,6 +121,7 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
     nlohmann::json entry = mechanical_json(evaluations[i]);
     entry["name"] = captures[i].name;
     entry["folder"] = captures[i].folder.string();
+    entry["cord_friction"] = cord_friction_json(found.fit.cord_friction, i);
     list.push_back(entry);
   }
   result["mechanical"] = list;
@@ -212,15 +214,12 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   std::vector<std::shared_ptr<const MechanicalTrial>> trials;
   for (const MechanicalCapture& capture : captures)
     trials.push_back(prepare_mechanical(capture, arguments.options));
-  MechanicalCostOptions cost;
-  cost.residuals = mechanical_residuals_from_name(arguments.residuals);
-  cost.force_noise = arguments.force_noise;
-  cost.point_noise = arguments.point_noise;
-  const CurveFitResult found = search(arguments, trials, initial, cost);
+  const CurveFitResult found = search(arguments, trials, initial, cost_options(arguments));
   const MechanicalFitResult& fit = found.fit;
   write_fabric(out / "fabric.toml", fit.fabric);
-  const auto frames =
+  auto frames =
       simulate_mechanical(trials, fit.fabric, MechanicalDerivatives::all, arguments.threads);
+  add_cord_friction(trials, fit.cord_friction, frames);
   std::vector<MechanicalEvaluation> evaluations;
   for (std::size_t i = 0; i < trials.size(); ++i)
     evaluations.push_back(compare_mechanical(*trials[i], frames[i]));
@@ -231,6 +230,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
                                          fit.correlation));
   fmt::print("{}", stage_lines(found));
   print_result(report, fit.replayed, captures, evaluations);
+  fmt::print("{}", cord_friction_lines(fit.cord_friction));
   fmt::print("{}\n", (out / "report.html").string());
   if (report.stopped) throw CLI::RuntimeError(stopped_early);
 }

@@ -87,6 +87,8 @@ void check_mechanical(const std::string& folder) {
              capture.width, capture.height, capture.areal_density,
              capture.grain_angle * 180 / std::numbers::pi);
   fmt::print("frames      {}\n", capture.frame_count);
+  if (capture.drive == ClipDrive::cords)
+    fmt::print("drive       cords; a fit finds their friction\n");
   for (const MechanicalFixture& fixture : capture.fixtures) print_fixture(fixture);
   if (capture.geometry) {
     fmt::print("shape       {} points\n", read_geometry(capture).mesh.vertex_count());
@@ -128,6 +130,43 @@ std::string summary(const MechanicalEvaluation& evaluation) {
                         text.empty() ? "" : "; ", 1e3 * evaluation.distance.mean,
                         1e3 * evaluation.distance.rms, 1e3 * evaluation.distance.max);
   return text.empty() ? "nothing was measured" : text;
+}
+
+MechanicalCostOptions cost_options(const MechanicalFitArguments& arguments) {
+  MechanicalCostOptions cost;
+  cost.residuals = mechanical_residuals_from_name(arguments.residuals);
+  cost.cord_friction = cord_friction_from_name(arguments.cord_friction);
+  cost.force_noise = arguments.force_noise;
+  cost.point_noise = arguments.point_noise;
+  return cost;
+}
+
+void add_cord_friction(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
+                       const std::vector<CordFrictionEstimate>& found, MechanicalFrames& frames) {
+  for (const CordFrictionEstimate& friction : found)
+    weft::add_cord_friction(*trials[friction.trial], friction.interval.value, least_clip_way,
+                            frames[friction.trial]);
+}
+
+nlohmann::json cord_friction_json(const std::vector<CordFrictionEstimate>& found, std::size_t i) {
+  for (const CordFrictionEstimate& friction : found)
+    if (friction.trial == i)
+      return {{"value", friction.interval.value},
+              {"interval_lower", json_number(friction.interval.lower)},
+              {"interval_upper", json_number(friction.interval.upper)},
+              {"determined", friction.interval.determined}};
+  return nullptr;
+}
+
+std::string cord_friction_lines(const std::vector<CordFrictionEstimate>& found) {
+  std::string text;
+  for (const CordFrictionEstimate& friction : found) {
+    const ParameterInterval& p = friction.interval;
+    const std::string certainty = p.determined ? fmt::format("{:.3g} to {:.3g} N", p.lower, p.upper)
+                                               : "not determined by the data";
+    text += fmt::format("{}: friction of the cords {:.3g} N, {}\n", p.name, p.value, certainty);
+  }
+  return text;
 }
 
 std::string complaints(const MechanicalEvaluation& evaluation) {

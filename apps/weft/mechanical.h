@@ -38,6 +38,14 @@ void add_distance(nlohmann::json& object, const SurfaceDistance& distance);
 nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation);
 /// One line: force and distances over all frames.
 std::string summary(const MechanicalEvaluation& evaluation);
+/// Adds the friction of the cords to the computed forces of the captures that have it, so that they
+/// are what was measured. `frames`: of each of `trials`.
+void add_cord_friction(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
+                       const std::vector<CordFrictionEstimate>& found, MechanicalFrames& frames);
+/// "cord_friction" of the entry of capture `i`: value and interval; null where none was fitted.
+nlohmann::json cord_friction_json(const std::vector<CordFrictionEstimate>& found, std::size_t i);
+/// One line a capture, for the terminal.
+std::string cord_friction_lines(const std::vector<CordFrictionEstimate>& found);
 /// Frames without equilibrium, one line each, for the terminal; empty where there are none.
 std::string complaints(const MechanicalEvaluation& evaluation);
 
@@ -52,6 +60,7 @@ struct MechanicalFitArguments {
   std::string residuals = "auto";
   double force_noise = 3e-3;
   double point_noise = 75e-6;
+  std::string cord_friction = "auto";
   MeshError mesh_error = MeshError::included;
   std::uint64_t seed = 1;
   bool overwrite = false;
@@ -59,6 +68,8 @@ struct MechanicalFitArguments {
   MechanicalOptions options;
   std::optional<CurveFitOptions> curves;  ///< `parameters` are rows then
 };
+/// What is compared.
+MechanicalCostOptions cost_options(const MechanicalFitArguments& arguments);
 void run_mechanical_fit(const MechanicalFitArguments& arguments);
 
 /// In the output folder, what a fit that takes mechanical captures continues from.

@@ -16,11 +16,7 @@ MechanicalBeside::MechanicalBeside(const MechanicalFitArguments& arguments, cons
     captures_.push_back(read_mechanical_capture(folder));
     trials_.push_back(prepare_mechanical(captures_.back(), arguments.options));
   }
-  MechanicalCostOptions cost;
-  cost.residuals = mechanical_residuals_from_name(arguments.residuals);
-  cost.force_noise = arguments.force_noise;
-  cost.point_noise = arguments.point_noise;
-  MechanicalProblem problem(trials_, initial, free, cost, threads_);
+  MechanicalProblem problem(trials_, initial, free, cost_options(arguments), threads_);
   problem.keep_in(open_mechanical_store(arguments.out, fit_fingerprint(problem, initial)));
   problem_ = std::make_shared<MechanicalProblem>(std::move(problem));
   Progress progress("mechanical tests alone", 0);
@@ -38,7 +34,9 @@ OtherData MechanicalBeside::data() const {
 MechanicalBeside::Shown MechanicalBeside::show(const Fabric& estimate,
                                                const std::vector<ParameterInterval>& intervals,
                                                const MatX& correlation) const {
-  const auto frames = simulate_mechanical(trials_, estimate, MechanicalDerivatives::all, threads_);
+  auto frames = simulate_mechanical(trials_, estimate, MechanicalDerivatives::all, threads_);
+  const MechanicalFitResult at_estimate = assess_mechanical(*problem_, estimate);
+  add_cord_friction(trials_, at_estimate.cord_friction, frames);
   std::vector<MechanicalEvaluation> evaluations;
   Shown shown;
   shown.json = nlohmann::json::array();
@@ -47,10 +45,12 @@ MechanicalBeside::Shown MechanicalBeside::show(const Fabric& estimate,
     nlohmann::json entry = mechanical_json(evaluations.back());
     entry["name"] = captures_[i].name;
     entry["folder"] = captures_[i].folder.string();
+    entry["cord_friction"] = cord_friction_json(at_estimate.cord_friction, i);
     shown.json.push_back(entry);
     shown.lines.push_back(fmt::format("{}: {}\n{}", captures_[i].name, summary(evaluations[i]),
                                       complaints(evaluations[i])));
   }
+  shown.lines.push_back(cord_friction_lines(at_estimate.cord_friction));
   shown.report =
       report_of_mechanical(trials_, frames, evaluations, estimate, intervals, correlation);
   return shown;

@@ -155,6 +155,8 @@ class MechanicalReader {
     const TomlTable frames = file_.table("frames");
     capture_.frame_count = frames.integer("count", 1, kMaxFrames);
     frames.finish();
+    if (file_.optional_choice("drive", {"rigid", "cords"}).value_or("rigid") == "cords")
+      capture_.drive = ClipDrive::cords;
     const std::vector<TomlTable> fixtures = file_.tables("fixture");
     if (fixtures.empty()) {
       throw error_at({file_.file(), 0, "fixture"}, "missing; at least one [[fixture]] is needed");

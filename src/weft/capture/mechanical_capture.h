@@ -23,6 +23,12 @@ struct MechanicalFixture {
   Points forces;
 };
 
+/// How the clips are moved.
+enum class ClipDrive {
+  rigid,
+  cords  ///< measured forces hold what cords rub on their pulleys
+};
+
 /// Where the measured shape is kept.
 struct GeometryFiles {
   std::filesystem::path rest_mesh;  ///< OBJ; (u, v) of the points in its vt
@@ -41,6 +47,7 @@ struct MechanicalCapture {
   double grain_angle = 0;
   Vec3 gravity{0, 0, -9.81};  ///< m/s^2
   int frame_count = 0;
+  ClipDrive drive = ClipDrive::rigid;
   std::vector<MechanicalFixture> fixtures;
   std::optional<GeometryFiles> geometry;
   /// Notes on the true parameters; nothing here reads them.

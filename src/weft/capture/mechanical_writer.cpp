@@ -57,6 +57,7 @@ std::string head_text(const MechanicalCapture& capture) {
   std::string text = "format = \"weft-capture\"\nversion = 1\nkind = \"mechanical\"\n";
   text += "name = " + toml_string(capture.name) + "\n";
   text += "description = " + toml_string(capture.description) + "\n";
+  if (capture.drive == ClipDrive::cords) text += "drive = \"cords\"\n";
   text +=
       fmt::format("\n[swatch]\nwidth = {}  # m\nheight = {}  # m\n", capture.width, capture.height);
   text += fmt::format("areal_density = {}  # kg/m^2\n", capture.areal_density);

@@ -9,6 +9,7 @@
 
 #include "weft/base/error.h"
 #include "weft/estimate/content_hash.h"
+#include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/packed_numbers.h"
 #include "weft/estimate/residual_intervals.h"
 
@@ -28,6 +29,8 @@ void check(const MechanicalCostOptions& options) {
     throw Error(fmt::format("force noise is {:g} N, must be above 0", options.force_noise));
   if (!(options.point_noise > 0) || !std::isfinite(options.point_noise))
     throw Error(fmt::format("point noise is {:g} m, must be above 0", options.point_noise));
+  if (!(options.least_way > 0) || !std::isfinite(options.least_way))
+    throw Error(fmt::format("least way of a clip is {:g} m, must be above 0", options.least_way));
 }
 
 /// The long side of a clip, where it is now.
@@ -45,6 +48,13 @@ MechanicalResiduals mechanical_residuals_from_name(std::string_view name) {
   if (name == "both") return MechanicalResiduals::both;
   throw Error(
       fmt::format("residuals \"{}\" are not known; known: auto, forces, points, both", name));
+}
+
+CordFriction cord_friction_from_name(std::string_view name) {
+  if (name == "none") return CordFriction::none;
+  if (name == "auto") return CordFriction::as_captured;
+  if (name == "fit") return CordFriction::fitted;
+  throw Error(fmt::format("cord friction \"{}\" is not known; known: auto, fit, none", name));
 }
 
 MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const MechanicalTrial>> trials,
@@ -74,6 +84,42 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
                               trial->capture.name, uses_forces(*trial) ? "forces" : "points"));
     residual_count_ += count;
   }
+  for (std::size_t t = 0; t < trials_.size(); ++t) add_friction(t);
+}
+
+void MechanicalProblem::add_friction(std::size_t t) {
+  const MechanicalTrial& trial = *trials_[t];
+  const bool wanted = options_.cord_friction == CordFriction::fitted ||
+                      (options_.cord_friction == CordFriction::as_captured &&
+                       trial.capture.drive == ClipDrive::cords);
+  if (!wanted || !uses_forces(trial)) return;
+  Friction friction{t, {}, options_.force_noise};
+  for (const MechanicalFixture& fixture : trial.capture.fixtures)
+    friction.ways.push_back(ways_of_clip(fixture.frames, options_.least_way));
+  bool seen = false;  // in what is compared
+  for (int frame = 0; frame < trial.capture.frame_count; ++frame)
+    for_each_force(trial, frame, [&](std::size_t fixture, const Vec3& direction, double value) {
+      seen = seen || direction.dot(friction.ways[fixture].col(frame)) != 0;
+      friction.largest_force = std::max(friction.largest_force, std::abs(value));
+    });
+  if (seen) friction_.push_back(std::move(friction));
+}
+
+std::vector<std::size_t> MechanicalProblem::with_friction() const {
+  std::vector<std::size_t> trials;
+  for (const Friction& friction : friction_) trials.push_back(friction.trial);
+  return trials;
+}
+
+ParameterInfo MechanicalProblem::friction_info(std::size_t i) const {
+  const double most = friction_[i].largest_force;
+  return {"cord_friction", "N", -most, most, 0, Scale::linear, "friction of the cords", ""};
+}
+
+std::size_t MechanicalProblem::friction_of(std::size_t trial) const {
+  std::size_t i = 0;
+  while (i < friction_.size() && friction_[i].trial != trial) ++i;
+  return i;
 }
 
 void MechanicalProblem::add_ties() {
@@ -153,94 +199,141 @@ std::string MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivative
   return from ? simulate(scaled, derivatives, nullptr, frames) : reason;
 }
 
-void MechanicalProblem::add_force_residuals(const MechanicalTrial& trial,
-                                            const MechanicalFrame& frame, Eigen::Index& count,
-                                            VecX& r, MatX* jacobian) const {
+template <typename Add>
+void MechanicalProblem::for_each_force(const MechanicalTrial& trial, int frame,
+                                       const Add& add) const {
   for (std::size_t c = 0; c < trial.capture.fixtures.size(); ++c) {
     const MechanicalFixture& fixture = trial.capture.fixtures[c];
     if (fixture.forces.cols() == 0) continue;
-    const Vec3 measured = fixture.forces.col(frame.frame);
-    const auto clip = static_cast<Eigen::Index>(c);
-    const auto add = [&](const Vec3& direction, double value) {
-      r[count] = (direction.dot(frame.forces.col(clip)) - value) / options_.force_noise;
-      if (jacobian)
-        jacobian->row(count) = direction.transpose() *
-                               frame.force_derivative.middleRows(3 * clip, 3) /
-                               options_.force_noise;
-      ++count;
-    };
+    const Vec3 measured = fixture.forces.col(frame);
     if (options_.forces == MechanicalForces::along_clips) {
-      const Vec3 direction = along(fixture.frames[at(frame.frame)]);
-      if (!measured.hasNaN()) add(direction, direction.dot(measured));
+      const Vec3 direction = along(fixture.frames[at(frame)]);
+      if (!measured.hasNaN()) add(c, direction, direction.dot(measured));
       continue;
     }
     for (int k = 0; k < 3; ++k)
-      if (!std::isnan(measured[k])) add(Vec3::Unit(k), measured[k]);
+      if (!std::isnan(measured[k])) add(c, Vec3::Unit(k), measured[k]);
   }
 }
 
-void MechanicalProblem::residuals(const MechanicalTrial& trial, const MechanicalFrame& frame,
-                                  VecX& r, MatX* jacobian) const {
+void MechanicalProblem::add_force_residuals(std::size_t trial, const MechanicalFrame& frame,
+                                            MechanicalDerivatives derivatives, Eigen::Index& count,
+                                            Residuals& r) const {
+  const std::size_t friction = friction_of(trial);
+  for_each_force(
+      *trials_[trial], frame.frame, [&](std::size_t fixture, const Vec3& direction, double value) {
+        const auto clip = static_cast<Eigen::Index>(fixture);
+        r.values[count] = (direction.dot(frame.forces.col(clip)) - value) / options_.force_noise;
+        if (friction < friction_.size())
+          r.ways[count] = direction.dot(friction_[friction].ways[fixture].col(frame.frame)) /
+                          options_.force_noise;
+        if (derivatives == MechanicalDerivatives::all)
+          r.jacobian.row(count) = direction.transpose() *
+                                  frame.force_derivative.middleRows(3 * clip, 3) /
+                                  options_.force_noise;
+        ++count;
+      });
+}
+
+void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
+                                  MechanicalDerivatives derivatives, Residuals& r) const {
+  const MechanicalTrial& trial = *trials_[t];
+  const bool slopes = derivatives == MechanicalDerivatives::all;
   const Eigen::Index parameters = fabric_.values.size();
   const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame.frame)])];
   const Eigen::Index most = frame.forces.size() + (trial.geometry ? frame.points.size() : 0);
-  r.resize(most);
-  if (jacobian) jacobian->resize(most, parameters);
+  r.values.resize(most);
+  r.ways.setZero(most);
+  r.jacobian.resize(slopes ? most : 0, parameters);
   Eigen::Index count = 0;
-  if (uses_forces(trial)) add_force_residuals(trial, frame, count, r, jacobian);
+  if (uses_forces(trial)) add_force_residuals(t, frame, derivatives, count, r);
   if (uses_points(trial)) {
     const Points& measured = trial.geometry->frames[at(frame.frame)];
     for (Eigen::Index i = 0; i < measured.cols(); ++i) {
       if (stage.point_held[at(i)]) continue;
       for (Eigen::Index k = 0; k < 3; ++k) {
-        r[count] = (frame.points(k, i) - measured(k, i)) / options_.point_noise;
-        if (jacobian)
-          jacobian->row(count) = frame.point_derivative.row(3 * i + k) / options_.point_noise;
+        r.values[count] = (frame.points(k, i) - measured(k, i)) / options_.point_noise;
+        if (slopes)
+          r.jacobian.row(count) = frame.point_derivative.row(3 * i + k) / options_.point_noise;
         ++count;
       }
     }
   }
-  r.conservativeResize(count);
-  if (jacobian) jacobian->conservativeResize(count, parameters);
+  r.values.conservativeResize(count);
+  r.ways.conservativeResize(count);
+  if (slopes) r.jacobian.conservativeResize(count, parameters);
+}
+
+double MechanicalProblem::best_friction(std::size_t trial,
+                                        const std::vector<MechanicalFrame>& frames) const {
+  if (friction_of(trial) == friction_.size()) return 0;
+  double slope = 0, curvature = 0;
+  Residuals r;
+  for (const MechanicalFrame& frame : frames) {
+    residuals(trial, frame, MechanicalDerivatives::none, r);
+    slope += r.ways.dot(r.values);
+    curvature += r.ways.squaredNorm();
+  }
+  return std::max(0.0, -slope / curvature);
 }
 
 double MechanicalProblem::cost_of(const MechanicalFrames& frames) const {
   double sum = 0;
-  VecX r;
-  for (std::size_t t = 0; t < trials_.size(); ++t)
+  Residuals r;
+  for (std::size_t t = 0; t < trials_.size(); ++t) {
+    const double friction = best_friction(t, frames[t]);
     for (const MechanicalFrame& frame : frames[t]) {
-      residuals(*trials_[t], frame, r, nullptr);
-      sum += r.squaredNorm();
+      residuals(t, frame, MechanicalDerivatives::none, r);
+      sum += (r.values + friction * r.ways).squaredNorm();
     }
+  }
   return sum / static_cast<double>(residual_count_);
 }
 
 MechanicalProblem::Linearization MechanicalProblem::linearization_of(const MechanicalFrames& frames,
                                                                      const VecX& scaled) const {
+  const auto n = static_cast<Eigen::Index>(dimension()),
+             all = n + static_cast<Eigen::Index>(friction_.size());
   Linearization result;
-  result.model.gradient = VecX::Zero(dimension());
-  result.model.hessian = MatX::Zero(dimension(), dimension());
-  VecX slopes(dimension());
+  VecX gradient = VecX::Zero(all);
+  MatX hessian = MatX::Zero(all, all);
+  VecX slopes(n);
   for (int i = 0; i < dimension(); ++i) slopes[i] = scaled_slope(info(i), scaled[i]);
   const double factor = 1 / static_cast<double>(residual_count_);
-  VecX r;
-  MatX all;
+  result.friction = VecX::Zero(all - n);
+  Residuals r;
   for (std::size_t t = 0; t < trials_.size(); ++t) {
+    const double friction = best_friction(t, frames[t]);
+    const std::size_t place = friction_of(t);
     for (const MechanicalFrame& frame : frames[t]) {
-      residuals(*trials_[t], frame, r, &all);
-      MatX jacobian = all(Eigen::all, indices_);
+      residuals(t, frame, MechanicalDerivatives::all, r);
+      const VecX values = r.values + friction * r.ways;
+      MatX jacobian = MatX::Zero(values.size(), all);
+      jacobian.leftCols(n) = r.jacobian(Eigen::all, indices_);
       for (int i = 0; i < dimension(); ++i)
-        for (const int follower : followers_[at(i)]) jacobian.col(i) += all.col(follower);
-      jacobian *= slopes.asDiagonal();
-      CostPart part{t, frame.frame, 2 * factor * jacobian.transpose() * r,
+        for (const int follower : followers_[at(i)]) jacobian.col(i) += r.jacobian.col(follower);
+      jacobian.leftCols(n) *= slopes.asDiagonal();
+      if (place < friction_.size()) {
+        const auto j = static_cast<Eigen::Index>(place);
+        const ParameterInfo info = friction_info(place);
+        jacobian.col(n + j) = (info.upper - info.lower) * r.ways;
+        result.friction[j] = friction;
+      }
+      CostPart part{t, frame.frame, 2 * factor * jacobian.transpose() * values,
                     2 * factor * jacobian.transpose() * jacobian};
-      result.model.cost += factor * r.squaredNorm();
-      result.model.gradient += part.gradient;
-      result.model.hessian += part.hessian;
+      result.model.cost += factor * values.squaredNorm();
+      gradient += part.gradient;
+      hessian += part.hessian;
       result.parts.push_back(std::move(part));
       if (frame.inexact) ++result.inexact;
     }
   }
+  result.model.gradient = gradient.head(n);
+  result.model.hessian = hessian.topLeftCorner(n, n);
+  // No capture shares its friction with another: the complement goes one by one.
+  for (Eigen::Index j = n; j < all; ++j)
+    if (result.friction[j - n] > 0)
+      result.model.hessian -= hessian.col(j).head(n) * hessian.row(j).head(n) / hessian(j, j);
   return result;
 }
 
@@ -267,14 +360,18 @@ VecX to_numbers(const MechanicalProblem::Linearization& l) {
   writer.add(static_cast<double>(l.inexact));
   writer.add(l.model.gradient);
   writer.add(l.model.hessian);
+  writer.add(l.friction);
   add_parts(l.parts, writer);
   return writer.numbers();
 }
 
-MechanicalProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index n) {
+/// Of `n` free parameters and the friction of `frictions` captures.
+MechanicalProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index n,
+                                              Eigen::Index frictions) {
   MechanicalProblem::Linearization l;
   if (!std::isfinite(numbers[0])) {
     l.model = {kInfinity, VecX::Zero(n), MatX::Zero(n, n)};
+    l.friction = VecX::Zero(frictions);
     l.reason = reason_of(numbers);
     return l;
   }
@@ -283,7 +380,8 @@ MechanicalProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index 
   l.inexact = static_cast<int>(reader.number());
   l.model.gradient = reader.vector(n);
   l.model.hessian = reader.matrix(n, n);
-  l.parts = read_parts(reader, n);
+  l.friction = reader.vector(frictions);
+  l.parts = read_parts(reader, n + frictions);
   return l;
 }
 
@@ -308,7 +406,7 @@ MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled
             const std::string why = simulate(scaled, MechanicalDerivatives::all, from, found);
             return why.empty() ? to_numbers(linearization_of(found, scaled)) : refusal(why);
           });
-  return from_numbers(numbers, dimension());
+  return from_numbers(numbers, dimension(), static_cast<Eigen::Index>(friction_.size()));
 }
 
 VecX MechanicalProblem::ask(Question question, const VecX& scaled, MechanicalShapes* near,
@@ -364,6 +462,10 @@ std::string MechanicalProblem::fingerprint() const {
   hash.add(options_.forces);
   for (const double value : {options_.force_noise, options_.point_noise, options_.largest_residual})
     hash.add(value);
+  for (const Friction& friction : friction_) {
+    hash.add(friction.trial);
+    for (const Points& ways : friction.ways) hash.add(ways);
+  }
   return hash.hex();
 }
 
@@ -374,20 +476,96 @@ void MechanicalProblem::keep_in(std::shared_ptr<MechanicalStore> store) {
 
 namespace {
 
+/// The free parameters and friction side by side.
+class WithFriction {
+ public:
+  using Linearization = MechanicalProblem::Linearization;
+  explicit WithFriction(MechanicalProblem problem) : problem_(std::move(problem)) {
+    for (int i = 0; i < problem_.dimension(); ++i) infos_.push_back(problem_.info(i));
+    for (std::size_t i = 0; i < problem_.with_friction().size(); ++i)
+      infos_.push_back(problem_.friction_info(i));
+  }
+
+  const std::vector<ParameterInfo>& infos() const { return infos_; }
+  std::size_t residual_count() const { return problem_.residual_count(); }
+  WithFriction refined() const { return WithFriction(problem_.refined()); }
+
+  VecX scaled(const VecX& free, const VecX& friction) const {
+    VecX x(free.size() + friction.size());
+    x << free, friction;
+    for (Eigen::Index i = free.size(); i < x.size(); ++i) x[i] = to_scaled(infos_[at(i)], x[i]);
+    return x;
+  }
+  /// `found` with the model of all at `scaled`. Differences are linear in the friction.
+  Linearization model_of_all(const VecX& scaled, Linearization found) const {
+    if (!std::isfinite(found.model.cost)) return found;
+    const Eigen::Index all = scaled.size(), frictions = found.friction.size();
+    found.model.gradient = VecX::Zero(all);
+    found.model.hessian = MatX::Zero(all, all);
+    for (const CostPart& part : found.parts) {
+      found.model.gradient += part.gradient;
+      found.model.hessian += part.hessian;
+    }
+    const VecX there = this->scaled(scaled.head(all - frictions), found.friction);
+    found.model.gradient += found.model.hessian * (scaled - there);
+    return found;
+  }
+  Linearization linearize(const VecX& scaled) const {
+    return model_of_all(scaled, problem_.linearize(scaled.head(problem_.dimension())));
+  }
+
+ private:
+  MechanicalProblem problem_;
+  std::vector<ParameterInfo> infos_;
+};
+
+ParameterInterval not_bounded(const ParameterInfo& info, double value) {
+  ParameterInterval interval = interval_about(info, to_scaled(info, value), 1);
+  interval.determined = false;
+  interval.lower = 0;
+  interval.upper = kInfinity;
+  return interval;
+}
+
+void add_friction_intervals(const MechanicalProblem& problem, const VecX& friction,
+                            const std::vector<ParameterInterval>& intervals,
+                            MechanicalFitResult& result) {
+  const std::vector<std::size_t> trials = problem.with_friction();
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    const double value = friction[static_cast<Eigen::Index>(i)];
+    ParameterInterval interval =
+        intervals.empty() ? not_bounded(problem.friction_info(i), value) : intervals[i];
+    interval.name = problem.trials()[trials[i]]->capture.name;
+    interval.lower = std::max(0.0, interval.lower);
+    interval.at_lower = value == 0;
+    result.cord_friction.push_back({trials[i], std::move(interval)});
+  }
+}
+
 void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
                    const MechanicalProblem::Linearization& found,
                    const MechanicalFitOptions& options, MechanicalFitResult& result) {
-  if (options.mesh_error == MeshError::included)
-    result.mesh = find_mesh_shift(problem, scaled, found);
+  const WithFriction joint(problem);
+  const VecX x = joint.scaled(scaled, found.friction);
+  const MechanicalProblem::Linearization all = joint.model_of_all(x, found);
+  if (options.mesh_error == MeshError::included) result.mesh = find_mesh_shift(joint, x, all);
+  const VecX mesh_halves = mesh_half_widths(result.mesh.shift);
+  const Eigen::Index n = problem.dimension();
+  if (result.mesh.shift.size() > 0) result.mesh.shift.conservativeResize(n);
   if (!std::isfinite(found.model.cost)) return;
-  std::vector<ParameterInfo> infos;
-  for (int i = 0; i < problem.dimension(); ++i) infos.push_back(problem.info(i));
+  // Friction is free here even at zero, of which the fabric is not sure.
   ResidualIntervals intervals =
-      residual_intervals(infos, scaled, found.model, found.parts, problem.residual_count(),
-                         options.confidence, mesh_half_widths(result.mesh.shift));
+      residual_intervals(joint.infos(), x, all.model, found.parts, problem.residual_count(),
+                         options.confidence, mesh_halves);
+  std::vector<ParameterInterval> frictions;
+  if (!intervals.intervals.empty()) {
+    frictions.assign(intervals.intervals.begin() + n, intervals.intervals.end());
+    intervals.intervals.resize(at(n));
+    result.correlation = intervals.correlation.topLeftCorner(n, n);
+  }
   result.intervals = std::move(intervals.intervals);
-  result.correlation = std::move(intervals.correlation);
   result.condition = intervals.condition;
+  add_friction_intervals(problem, found.friction, frictions, result);
 }
 
 /// Evaluations of a problem that its store knew.

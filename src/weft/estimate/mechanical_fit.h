@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "weft/base/error.h"
+#include "weft/estimate/cord_friction.h"
 #include "weft/estimate/least_squares.h"
 #include "weft/estimate/linearize_trial.h"
 #include "weft/estimate/mechanical_store.h"
@@ -38,6 +39,15 @@ enum class MechanicalForces {
   along_clips
 };
 
+/// Of which captures the friction of the cords (cord_friction.h) is found with the fabric.
+enum class CordFriction {
+  none,
+  as_captured,  ///< of those that say that cords pull their clips
+  fitted        ///< of all in which forces are compared and clips move
+};
+/// "none", "auto", "fit". Throws Error for another name.
+CordFriction cord_friction_from_name(std::string_view name);
+
 /// A parameter that is not searched but has the value of one that is.
 struct ParameterTie {
   std::string follower, leader;
@@ -47,8 +57,10 @@ struct MechanicalCostOptions {
   MechanicalResiduals residuals = MechanicalResiduals::automatic;
   MechanicalForces forces = MechanicalForces::all;
   std::vector<ParameterTie> ties;  ///< of parameters that are not free to ones that are
-  double force_noise = 3e-3;       ///< N, standard deviation of a component; > 0
-  double point_noise = 75e-6;      ///< m, of a coordinate; > 0
+  CordFriction cord_friction = CordFriction::as_captured;
+  double least_way = least_clip_way;  ///< m, of ways_of_clip(); > 0
+  double force_noise = 3e-3;          ///< N, standard deviation of a component; > 0
+  double point_noise = 75e-6;         ///< m, of a coordinate; > 0
   /// N: a frame whose largest net force is above counts as without equilibrium.
   double largest_residual = 1e-5;
 };
@@ -64,6 +76,11 @@ class MechanicalShapes {
 
 /// Sum over frames of squared differences, each divided by its noise; the cost is its mean over the
 /// compared numbers (1 for a model that lacks nothing and noise as stated).
+///
+/// Friction of the cords is one number f >= 0 for each of some captures, beside the fabric's
+/// parameters. Its differences are linear in it, r + f w with the ways w of cord_friction.h over
+/// the noise, so that it is never searched: for any fabric it has its best value, f = max(0, -r^T w
+/// / w^T w), which cost() and the model of linearize() are at.
 class MechanicalProblem {
  public:
   /// `free`: parameters of the fabric's model to search, distinct. Throws Error for none, for names
@@ -76,6 +93,11 @@ class MechanicalProblem {
   ParameterInfo info(int i) const { return fabric_.info(indices_[static_cast<std::size_t>(i)]); }
   const std::vector<std::shared_ptr<const MechanicalTrial>>& trials() const { return trials_; }
   std::size_t residual_count() const { return residual_count_; }
+  /// Captures whose cord friction is found: places among trials().
+  std::vector<std::size_t> with_friction() const;
+  /// Of the i-th of these: N, up to the largest measured force, and as far below zero so that an
+  /// estimate of zero is inside.
+  ParameterInfo friction_info(std::size_t i) const;
   /// The same on cells of half the width. Throws Error where these would be more than may be.
   MechanicalProblem refined() const;
   VecX scaled(const Fabric& fabric) const;
@@ -86,10 +108,14 @@ class MechanicalProblem {
   double cost(const VecX& scaled, std::string* reason = nullptr,
               MechanicalShapes* near = nullptr) const;
   struct Linearization {
+    /// Of the free parameters; friction follows them (its Schur complement), where it is not zero.
     QuadraticModel model;
-    std::vector<CostPart> parts;  ///< one a frame that is compared
-    int inexact = 0;              ///< frames with inexact derivatives
-    std::string reason;           ///< where the cost is infinite, as of cost()
+    /// One a frame that is compared, with rows for the friction of with_friction(), coordinates
+    /// scaled by friction_info(), after those of the free parameters.
+    std::vector<CostPart> parts;
+    VecX friction;       ///< N, of with_friction()
+    int inexact = 0;     ///< frames with inexact derivatives
+    std::string reason;  ///< where the cost is infinite, as of cost()
   };
   Linearization linearize(const VecX& scaled, MechanicalShapes* near = nullptr) const;
 
@@ -112,19 +138,38 @@ class MechanicalProblem {
   std::string key(Question question, const VecX& scaled, const MechanicalShapes* near) const;
   double cost_of(const MechanicalFrames& frames) const;
   Linearization linearization_of(const MechanicalFrames& frames, const VecX& scaled) const;
+  /// Differences of a frame.
+  struct Residuals {
+    VecX values;
+    VecX ways;      ///< by friction, 1/N; zero where that is not found
+    MatX jacobian;  ///< by the model's parameters
+  };
+  struct Friction {
+    std::size_t trial;
+    std::vector<Points> ways;  ///< one a fixture
+    double largest_force;      ///< N
+  };
   void add_ties();
+  void add_friction(std::size_t trial);
+  /// Place among friction_; its size for a trial without.
+  std::size_t friction_of(std::size_t trial) const;
+  double best_friction(std::size_t trial, const std::vector<MechanicalFrame>& frames) const;
   bool uses_forces(const MechanicalTrial& trial) const;
   std::size_t force_count(const MechanicalFixture& fixture) const;
-  void add_force_residuals(const MechanicalTrial& trial, const MechanicalFrame& frame,
-                           Eigen::Index& count, VecX& r, MatX* jacobian) const;
+  /// Calls `add` with each compared component of a frame's forces: the fixture, the direction, and
+  /// the measured value (N).
+  template <typename Add>
+  void for_each_force(const MechanicalTrial& trial, int frame, const Add& add) const;
+  void add_force_residuals(std::size_t trial, const MechanicalFrame& frame,
+                           MechanicalDerivatives derivatives, Eigen::Index& count,
+                           Residuals& r) const;
   bool uses_points(const MechanicalTrial& trial) const;
   /// From `from` where it is there, and from the measured shapes where that fails. The reason why
   /// there is no equilibrium, with no frames; empty where there is.
   std::string simulate(const VecX& scaled, MechanicalDerivatives derivatives,
                        const MechanicalFrames* from, MechanicalFrames& frames) const;
-  /// Residuals of a frame, and their derivatives by the model's parameters if `jacobian` is there.
-  void residuals(const MechanicalTrial& trial, const MechanicalFrame& frame, VecX& r,
-                 MatX* jacobian) const;
+  void residuals(std::size_t trial, const MechanicalFrame& frame, MechanicalDerivatives derivatives,
+                 Residuals& r) const;
 
   std::vector<std::shared_ptr<const MechanicalTrial>> trials_;
   Fabric fabric_;
@@ -133,6 +178,7 @@ class MechanicalProblem {
   MechanicalCostOptions options_;
   int threads_ = 0;
   std::size_t residual_count_ = 0;
+  std::vector<Friction> friction_;
   std::shared_ptr<MechanicalStore> store_;
   std::string fingerprint_;  ///< with a store
 };
@@ -154,6 +200,12 @@ struct MechanicalFitStep {
   bool replayed = false;  ///< taken from the store
 };
 
+struct CordFrictionEstimate {
+  std::size_t trial = 0;  ///< of the problem's
+  /// Of the name of the capture, N, not below 0; as undetermined without intervals.
+  ParameterInterval interval;
+};
+
 struct MechanicalFitResult {
   Fabric start, fabric;
   double cost_start = 0, cost = 0;
@@ -164,6 +216,8 @@ struct MechanicalFitResult {
   /// Of the free parameters, by the jackknife over frames (uncertainty.h); empty with fewer than
   /// two compared frames.
   std::vector<ParameterInterval> intervals;
+  /// Of the problem's with_friction(). The intervals above hold what it leaves open.
+  std::vector<CordFrictionEstimate> cord_friction;
   MeshShift mesh;        ///< with MeshError::included; in the intervals where it is known
   MatX correlation;      ///< of the free parameters, scaled coordinates
   double condition = 0;  ///< of the Gauss-Newton matrix

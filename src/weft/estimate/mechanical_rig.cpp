@@ -433,6 +433,7 @@ RigMeasurement simulate_rig(RigTest test, const Fabric& fabric, const RigOptions
     result.geometry.frames.push_back(std::move(points));
   }
   const bool measured = result.capture.fixtures.size() > 1;
+  if (measured && options.noise.cord_friction > 0) result.capture.drive = ClipDrive::cords;
   for (std::size_t i = 0; i < result.capture.fixtures.size(); ++i) {
     MechanicalFixture& fixture = result.capture.fixtures[i];
     Points& forces = result.true_forces.emplace_back(3, result.capture.frame_count);

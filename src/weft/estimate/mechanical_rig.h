@@ -52,7 +52,7 @@ struct RigNoise {
   double forces = 3e-3;  ///< N, of a component; >= 0
   /// N, width of the loop that friction of the cords puts between loading and unloading; >= 0. A
   /// clip that moves reads half of it more along its way; so does one that has just turned, along
-  /// the way that it will go.
+  /// the way that it will go. Above zero, captures with forces say that cords drive them.
   double cord_friction = 0.1;
 };
 
