@@ -28,6 +28,7 @@
 #include "weft/estimate/least_squares_fit.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/estimate/variability.h"
+#include "weft/estimate/video_mesh_error.h"
 #include "weft/report/report_html.h"
 #include "weft/report/result.h"
 
@@ -64,6 +65,10 @@ struct Arguments {
   ScanArguments scan;
   ScanFitArguments scan_fit;  // what only scans have
 };
+
+MeshError mesh_error_of(const Arguments& arguments) {
+  return arguments.no_mesh_error ? MeshError::left_out : MeshError::included;
+}
 
 /// What both methods share, over the defaults of each.
 FitOptions fit_options(const Arguments& arguments, FitOptions options) {
@@ -277,11 +282,24 @@ std::vector<std::string> free_parameters(const Arguments& arguments, const std::
   return names;
 }
 
-/// result.json with the mechanical tests under "mechanical".
-std::string result_text(const Report& report, const MechanicalBeside::Shown& tests) {
+/// result.json with what the mesh does and, if there are any, the mechanical tests.
+std::string result_text(const Report& report, const Problem& problem, const FitResult& fit,
+                        const MeshShift& mesh, const MechanicalBeside::Shown& tests) {
   nlohmann::ordered_json result = nlohmann::ordered_json::parse(result_to_json(report));
-  result["mechanical"] = tests.json;
+  std::vector<ParameterInfo> infos;
+  for (int i = 0; i < problem.dimension(); ++i) infos.push_back(problem.info(i));
+  result["mesh_shift"] = mesh_shift_json(infos, fit.scaled, mesh);
+  if (!tests.json.is_null()) result["mechanical"] = tests.json;
   return result.dump(1) + "\n";
+}
+
+MeshShift mesh_shift_of(const Problem& problem, const FitResult& fit,
+                        const std::vector<CostPart>& frames, const Uncertainty& uncertainty,
+                        const TrialArguments& trial) {
+  fmt::print(stderr, "the same on cells and steps of half the width\n");
+  LinearizationOptions options;
+  options.threads = trial.threads();
+  return find_mesh_shift(problem, fit.scaled, frames, uncertainty.dispersion, options);
 }
 
 void run(const Arguments& arguments) {
@@ -330,9 +348,17 @@ void run(const Arguments& arguments) {
   const std::vector<PatchPart> parts = linearize_at(problem, fit, arguments.trial);
   const std::vector<CostPart> frames = frames_of(parts);
   Uncertainty uncertainty;
+  MeshShift mesh;
   if (frames.size() >= 2) {
     uncertainty = estimate_uncertainty(problem, fit.scaled, parts);
+    if (mesh_error_of(arguments) == MeshError::included) {
+      mesh = mesh_shift_of(problem, fit, frames, uncertainty, arguments.trial);
+      UncertaintyOptions with_mesh;
+      with_mesh.systematic = mesh_half_widths(mesh.shift);
+      uncertainty = estimate_uncertainty(problem, fit.scaled, parts, with_mesh);
+    }
     add_uncertainty(uncertainty, report);
+    add_mesh_remark(mesh, report);
   }
   if (!frames.empty() && !arguments.no_variability && fit.variability.empty())
     add_variability(problem, fit, frames, report);
@@ -351,7 +377,9 @@ void run(const Arguments& arguments) {
   if (tests)
     report.settings.emplace_back(kMechanicalSetting,
                                  fmt::format("{}", fmt::join(arguments.tests, ", ")));
-  write_text(out / "result.json", tests ? result_text(report, shown) : result_to_json(report));
+  report.settings.emplace_back(std::string(intervals_setting),
+                               interval_contents(mesh_error_of(arguments), mesh));
+  write_text(out / "result.json", result_text(report, problem, fit, mesh, shown));
   write_report_html(out / "report.html", report, pictures, shown.report);
   print_result(fit, report, evaluations);
   for (const std::string& line : shown.lines) fmt::print("{}", line);
@@ -365,10 +393,6 @@ const std::vector<std::string> kVideoFitOptions{
     "--iterations", "--simplex", "--no-variability", "--variability-curves"};
 const std::vector<std::string> kMechanicalFitOptions{"--residuals", "--force-noise",
                                                      "--point-noise", "--cord-friction"};
-
-MeshError mesh_error_of(const Arguments& arguments) {
-  return arguments.no_mesh_error ? MeshError::left_out : MeshError::included;
-}
 
 void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
@@ -537,8 +561,8 @@ void add_fit(CLI::App& app) {
       ->capture_default_str();
   command->add_flag(
       kNoMeshError, arguments->no_mesh_error,
-      "mechanical captures and scans: intervals without what the width of the cells does, which "
-      "one evaluation on cells of half the width tells");
+      "intervals without what the width of the cells (of video the time steps, too) does, which "
+      "one evaluation on half of it tells");
   arguments->scan.add_to(*command);
   arguments->scan_fit.add_to(*command);
   command->footer(
