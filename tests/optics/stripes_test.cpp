@@ -64,6 +64,14 @@ TEST(StripeFilter, ANarrowIntervalGivesTheProfile) {
     EXPECT_NEAR(filter.mean(y, 0), square().light(y), 1e-4);
 }
 
+TEST(StripeFilter, ManyIntervalsAtOnceAreTheSame) {
+  const StripeFilter filter(square());
+  const FloatLanes y = float_lanes([](int k) { return 7.3f * static_cast<float>(k) - 11.0f; });
+  const FloatLanes width = float_lanes([](int k) { return 0.9f * static_cast<float>(k); });
+  const FloatLanes together = filter.mean(y, width);
+  for (int k = 0; k < kFloatLanes; ++k) EXPECT_EQ(together[k], filter.mean(y[k], width[k]));
+}
+
 TEST(StripeFilter, RejectsPatternsWithoutMeaning) {
   const auto rejects = [](double period, double gain, double black) {
     EXPECT_THROW(StripeFilter({StripePattern::Profile::square, period, gain, black}), Error);
