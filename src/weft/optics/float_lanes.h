@@ -46,10 +46,11 @@ void store_lanes(auto* to, Values values) {
 inline FloatLanes to_float(IntLanes a) { return __builtin_convertvector(a, FloatLanes); }
 /// Towards zero.
 inline IntLanes to_int(FloatLanes a) { return __builtin_convertvector(a, IntLanes); }
-/// For |a| < 2^31.
 inline FloatLanes floor_of(FloatLanes a) {
-  const FloatLanes whole = to_float(to_int(a));
-  return whole > a ? whole - 1 : whole;
+  constexpr float kAllWhole = 8388608;  // 2^23: from there on every float is a whole number
+  const FloatLanes cut = to_float(to_int(a));
+  const FloatLanes whole = cut > a ? cut - 1 : cut;
+  return (a > -kAllWhole) & (a < kAllWhole) ? whole : a;
 }
 
 }  // namespace weft

@@ -29,7 +29,7 @@ class ShadowMap {
 
   /// Fraction, 0 to 1, of the bilinear neighbourhood of (x, y) that the projector sees. The depth
   /// of the surface is continued along its slope (as draw() returns it) to the four texels, so that
-  /// a slanted surface does not shadow itself. For several points, which must be finite.
+  /// a slanted surface does not shadow itself. 1 outside the map.
   FloatLanes lit(FloatLanes x, FloatLanes y, FloatLanes inverse_depth, FloatLanes slope_x,
                  FloatLanes slope_y) const {
     const FloatLanes none = {};

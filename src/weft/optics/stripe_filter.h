@@ -14,7 +14,7 @@ class StripeFilter {
  public:
   /// Throws Error unless period and edge_gain are positive and black_level is in [0, 1].
   explicit StripeFilter(const StripePattern& pattern);
-  /// `y` and `width` in projector px, |y| below 2^31 periods.
+  /// `y` and `width` in projector px. Of several intervals; what is not finite gives no number.
   FloatLanes mean(FloatLanes y, FloatLanes width) const {
     const FloatLanes t = y * frequency_, periods = width * frequency_;
     const FloatLanes half = 0.5f * (periods < kNarrowest ? FloatLanes{} + kNarrowest : periods);
@@ -27,7 +27,8 @@ class StripeFilter {
   static constexpr float kNarrowest = 0.01f;
   /// Integral from 0 to t (in periods) of light - mean: periodic.
   FloatLanes deviation(FloatLanes t) const {
-    const FloatLanes entry = (t - floor_of(t)) * kEntries;
+    FloatLanes entry = (t - floor_of(t)) * kEntries;
+    entry = (entry >= 0) & (entry <= kEntries) ? entry : FloatLanes{};  // not finite: anywhere
     const IntLanes place = to_int(entry);
     const FloatLanes before = float_lanes([&](int k) { return table_.data()[place[k]]; });
     const FloatLanes after = float_lanes([&](int k) { return table_.data()[place[k] + 1]; });
