@@ -337,15 +337,24 @@ void run(const Arguments& arguments) {
 
   std::vector<CaptureEvaluation> evaluations;
   std::vector<CapturePictures> pictures;
-  for (const Capture& capture : captures) {
-    const auto all = arguments.trial.prepare(capture, capture.fit_first, capture.frame_count - 1);
-    Trajectory trajectory;
-    evaluations.push_back(
-        evaluate_capture(*all, fit.fabric, false, arguments.trial.threads(), &trajectory));
-    pictures.push_back(pictures_of(*all, trajectory));
-  }
+  std::vector<PatchPart> parts;
+  const auto look_at_captures = [&] {
+    for (const Capture& capture : captures) {
+      const auto all = arguments.trial.prepare(capture, capture.fit_first, capture.frame_count - 1);
+      Trajectory trajectory;
+      evaluations.push_back(
+          evaluate_capture(*all, fit.fabric, false, arguments.trial.threads(), &trajectory));
+      pictures.push_back(pictures_of(*all, trajectory));
+    }
+  };
+  // Side by side: most of each is a simulation, which uses one core.
+  parallel_for(2, arguments.trial.threads(), [&](std::size_t i) {
+    if (i == 0)
+      look_at_captures();
+    else
+      parts = linearize_at(problem, fit, arguments.trial);
+  });
   Report report = report_of_fit(problem, fit, evaluations);
-  const std::vector<PatchPart> parts = linearize_at(problem, fit, arguments.trial);
   const std::vector<CostPart> frames = frames_of(parts);
   Uncertainty uncertainty;
   MeshShift mesh;

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "weft/base/parallel.h"
-
 namespace weft {
 namespace {
 
@@ -40,14 +38,12 @@ class Eye {
 
 void compare_frames(const Trial& trial, const Trajectory& trajectory, int threads,
                     std::vector<FrameError>& errors) {
-  const std::size_t workers = worker_count(errors.size(), threads);
-  parallel_for(workers, threads, [&](std::size_t worker) {
-    if (worker >= errors.size()) return;
-    Eye eye(trial);
-    for (std::size_t i = worker; i < errors.size(); i += workers)
-      errors[i] = eye.compare_with(
-          trial.features[i], trajectory.frames[i + static_cast<std::size_t>(trial.first_frame)]);
-  });
+  for_each_with_tool(
+      errors.size(), threads, [&] { return Eye(trial); },
+      [&](Eye& eye, std::size_t i) {
+        errors[i] = eye.compare_with(
+            trial.features[i], trajectory.frames[i + static_cast<std::size_t>(trial.first_frame)]);
+      });
 }
 
 void sum_up(TrialEvaluation& evaluation, double alpha) {

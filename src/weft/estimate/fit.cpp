@@ -186,15 +186,14 @@ class Fit {
     annealing.seed = options_.seed;
     annealing.threads = options_.threads;
     result_.start_fabric = problem_.fabric(start);
-    const int moves = std::clamp(problem_.dimension() / 2, 1, annealing.parallel_moves);
-    const int inner = std::max(1, all_threads() / moves);
+    // All cores for each evaluation: one that no other evaluation needs looks at frames.
     const SearchResult found =
-        anneal(error_function(0, "anneal", inner), start, annealing,
+        anneal(error_function(0, "anneal", all_threads()), start, annealing,
                [&](std::size_t done, double error, double best, double temperature) {
                  record("anneal", error, best, temperature);
                  return tell(result_.history.back(), done, annealing.max_evaluations);
                });
-    result_.start = evaluate_fabric(result_.start_fabric, 0, "anneal", inner);
+    result_.start = evaluate_fabric(result_.start_fabric, 0, "anneal", all_threads());
     keep_if_better(found.best, found.error);
   }
 

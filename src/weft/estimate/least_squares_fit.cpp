@@ -197,16 +197,15 @@ class LeastSquaresFit {
     return options;
   }
 
-  /// Candidates are improved side by side, each on its share of the cores: a simulation uses one.
+  /// Candidates are improved side by side: a simulation uses one core. Where one has no candidate
+  /// left it looks at frames of another's.
   void run_stage(const FitStage& stage, std::vector<Candidate>& candidates) {
     if (candidates.size() > 1 && &stage != &options_.stages.front())
       compare_candidates(stage, candidates);
     keep_best(candidates, stage.survivors);
-    const int threads = options_.threads > 0 ? options_.threads : hardware_threads();
-    const int share = std::max(1, threads / static_cast<int>(candidates.size()));
     std::vector<Descent> descents(candidates.size());
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
-      if (!stopped_) descents[i] = improve(stage, candidates[i], share);
+      if (!stopped_) descents[i] = improve(stage, candidates[i]);
     });
     if (&stage == &options_.stages.back()) {
       result_.start_fabric = problem_.fabric(candidates.front().scaled);
@@ -275,9 +274,8 @@ class LeastSquaresFit {
     model.hessian += weight * prior.hessian;
   }
 
-  Descent improve(const FitStage& stage, const Candidate& candidate, int threads) {
-    LinearizationOptions options = linearization_of(stage);
-    options.threads = threads;
+  Descent improve(const FitStage& stage, const Candidate& candidate) {
+    const LinearizationOptions options = linearization_of(stage);
     const std::string phase = phase_of(stage);
     const VecX origin = reference();
     Descent descent;
@@ -318,9 +316,6 @@ class LeastSquaresFit {
 
   void conclude() {
     result_.fabric = problem_.fabric(result_.scaled);
-    if (std::isfinite(result_.final.error))
-      for (const auto& trial : problem_.trials())
-        result_.trials.push_back(evaluate(*trial, result_.fabric, 0, nullptr, options_.threads));
     result_.prior_weight = prior_weight_;
     result_.prior_error = problem_.prior_cost(result_.scaled, prior_weight_);
     result_.stopped = stopped_;
@@ -358,11 +353,20 @@ class LeastSquaresFit {
   FitResult result_;
 };
 
+/// Of the estimate, frame by frame.
+void add_trials(const Problem& problem, int threads, FitResult& result) {
+  if (!std::isfinite(result.final.error)) return;
+  for (const auto& trial : problem.trials())
+    result.trials.push_back(evaluate(*trial, result.fabric, 0, nullptr, threads));
+}
+
 }  // namespace
 
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options,
                                 EvaluationStore* store, const FitObserver& observer) {
-  return LeastSquaresFit(problem, options, store, observer).run();
+  FitResult result = LeastSquaresFit(problem, options, store, observer).run();
+  add_trials(problem, options.threads, result);
+  return result;
 }
 
 AutoFitOptions::AutoFitOptions() {
@@ -372,9 +376,12 @@ AutoFitOptions::AutoFitOptions() {
 
 FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
                        EvaluationStore* store, const FitObserver& observer) {
-  FitResult descent = run_least_squares_fit(problem, options.least_squares, store, observer);
+  FitResult descent = LeastSquaresFit(problem, options.least_squares, store, observer).run();
   const bool can_anneal = !descent.stopped && std::isfinite(descent.final.error);
-  if (!can_anneal || options.annealing.annealing.max_evaluations == 0) return descent;
+  if (!can_anneal || options.annealing.annealing.max_evaluations == 0) {
+    add_trials(problem, options.least_squares.threads, descent);
+    return descent;
+  }
   FitOptions annealing = options.annealing;
   annealing.start = FitOptions::Start::initial;
   annealing.coarse_parameters.clear();

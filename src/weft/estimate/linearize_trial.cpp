@@ -177,14 +177,13 @@ class TrialComparer {
 
   template <typename Task>
   void each_frame(const TrialFrames& result, const Task& task) const {
-    const std::size_t count = result.frames.size();
-    const std::size_t workers = worker_count(count, threads_);
-    parallel_for(workers, threads_, [&](std::size_t worker) {
-      if (worker >= count) return;
-      FrameResiduals residuals(trial_.capture.rig, trial_.scene.mesh, trial_.options.render,
-                               trial_.options.angle_map, residual_);
-      for (std::size_t i = worker; i < count; i += workers) task(residuals, i);
-    });
+    for_each_with_tool(
+        result.frames.size(), threads_,
+        [&] {
+          return FrameResiduals(trial_.capture.rig, trial_.scene.mesh, trial_.options.render,
+                                trial_.options.angle_map, residual_);
+        },
+        task);
   }
 
   const Trial& trial_;

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "weft/optics/float_lanes.h"
+
 namespace weft {
 
 struct ImagePoint {
@@ -47,19 +49,24 @@ void for_each_span(ImagePoint a, ImagePoint b, ImagePoint c, int columns, int ro
   const auto slope = [](ImagePoint from, ImagePoint to) {
     return (to.x - from.x) / (to.y - from.y);
   };
-  const float long_slope = slope(a, c);
-  const auto sweep = [&](int first, int last, ImagePoint from, ImagePoint to) {
-    if (first == last) return;
-    const float short_slope = slope(from, to);
-    for (int row = first; row < last; ++row) {
-      const float y = static_cast<float>(row) + 0.5f;
-      const float x0 = a.x + (y - a.y) * long_slope, x1 = from.x + (y - from.y) * short_slope;
-      const int begin = index(std::min(x0, x1), columns), end = index(std::max(x0, x1), columns);
-      if (begin < end) visit(row, begin, end);
-    }
-  };
-  sweep(top, middle, a, b);
-  sweep(middle, bottom, b, c);
+  const float long_slope = slope(a, c), upper_slope = slope(a, b), lower_slope = slope(b, c);
+  // Several rows at a time. Where a side is level its slope is not finite, and no row takes it.
+  for (int first = top; first < bottom; first += kFloatLanes) {
+    const IntLanes row = first + int_lanes([](int k) { return k; });
+    const FloatLanes y = to_float(row) + 0.5f;
+    const FloatLanes x0 = a.x + (y - a.y) * long_slope;
+    const FloatLanes x1 =
+        row < middle ? a.x + (y - a.y) * upper_slope : b.x + (y - b.y) * lower_slope;
+    const auto indices = [&](FloatLanes coordinate) {
+      const FloatLanes lower = {}, upper = lower + static_cast<float>(columns);
+      coordinate += 0.5f;
+      return to_int(coordinate < lower ? lower : upper < coordinate ? upper : coordinate);
+    };
+    const IntLanes begin = indices(x1 < x0 ? x1 : x0), end = indices(x0 < x1 ? x1 : x0);
+    const int count = std::min(kFloatLanes, bottom - first);
+    for (int k = 0; k < count; ++k)
+      if (begin[k] < end[k]) visit(first + k, begin[k], end[k]);
+  }
 }
 
 }  // namespace weft

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "weft/base/error.h"
+#include "weft/optics/float_lanes.h"
 #include "weft/optics/raster.h"
 #include "weft/optics/shadow_map.h"
 #include "weft/optics/smooth_surface.h"
@@ -46,25 +47,40 @@ struct Vertex {
   /// Homogeneous projector coordinates and 1, over the camera's depth. Last one 0: the camera does
   /// not see it; third one 0: the projector does not.
   Eigen::Array4f over_depth{0, 0, 0, 0};
-  float x = 0, y = 0;  ///< camera image, samples
   float cosine = 0;    ///< of normal and direction to the projector, signed
   float row = 0;       ///< projector px, for the size of footprints
+  float x = 0, y = 0;  ///< camera image, samples
   float inverse_depth() const { return over_depth[3]; }
   bool lit() const { return over_depth[2] > 0; }
 };
 
+/// What shading needs at a point, each affine over the image of a triangle or constant: homogeneous
+/// projector coordinates and 1, over the camera's depth; the cosine on the camera's side (0: no
+/// light); projector rows a sample; the slope of the shadow map's depth.
+using Affine = Eigen::Array<float, 8, 1>;
+enum AffineEntry { kColumn, kRow, kDepth, kOne, kCosine, kFootprint, kSlopeX, kSlopeY };
+
 /// A drawn triangle, as shading needs it.
-struct Piece {
+struct alignas(32) Piece {
+  Affine at_corner, along_second, along_third;
   BarycentricGradient gradient;
-  float facing;       ///< +1: the normal points to the camera, -1: away; 0: no light
-  float footprint;    ///< projector rows a sample
-  float depth_range;  ///< change of the inverse depth from one sample to the next one, diagonally
+  float x, y;  ///< the corner, samples
 };
 
-struct Shade {
-  float intensity;
-  float depth;
-  float row;
+/// Of several points.
+struct Shades {
+  FloatLanes intensity, depth, row;
+};
+
+/// Points of the image, samples, and the pieces that are seen there.
+struct ShadePoints {
+  FloatLanes x{}, y{};
+  IntLanes piece{};
+};
+
+/// A pixel's column and what covers it.
+struct Covered {
+  int column, piece;
 };
 
 /// Samples first..last - 1 along one axis; empty if last <= first.
@@ -88,11 +104,16 @@ struct Renderer::Impl {
     vertices.resize(count);
     shadow_vertices.resize(count);
     pieces.resize(surface.triangles().size());
+    depth_range.resize(pieces.size());
     slopes.resize(surface.triangles().size(), ShadowMap::Slope{0, 0});
     sample_columns = rig.width * samples;
-    const auto buffer = static_cast<std::size_t>(sample_columns) * rig.height * samples;
-    inverse_depth.resize(buffer);
-    piece_at.resize(buffer);
+    // An odd number of cache lines: rows at the same column do not fight for the same places.
+    stride = sample_columns / 32 * 32 + 48;
+    const auto buffer = static_cast<std::size_t>(stride) * rig.height * samples;
+    inverse_depth.resize(buffer + kFloatLanes);
+    piece_at.resize(buffer + kFloatLanes);
+    nearest.resize(static_cast<std::size_t>(rig.width));
+    farthest.resize(nearest.size());
     frame.intensity.setConstant(rig.height, rig.width, static_cast<float>(options.background));
     frame.silhouette.setZero(rig.height, rig.width);
     frame.depth.setZero(rig.height, rig.width);
@@ -131,14 +152,18 @@ struct Renderer::Impl {
   template <int kSamples>
   void resolve();
   template <int kSamples>
-  bool resolve_whole(int i, int j);
+  void find_depths(int i);
+  template <int kSamples>
+  void resolve_row(int i);
+  void shade_whole(int i);
   void resolve_sampled(int i, int j);
   int piece_at_centre(int i, int j) const;
-  Shade shade(int t, float x, float y, float footprint_samples) const;
-  void write(int i, int j, float intensity, bool inside, const Shade& centre);
+  Shades shade(const ShadePoints& points, float footprint_samples) const;
+  Shades shine(const std::array<FloatLanes, 8>& affine, float footprint_samples) const;
+  void write(int i, int j, float intensity, bool inside, float depth, float row);
 
   std::size_t at(int row, int column) const {
-    return static_cast<std::size_t>(row) * sample_columns + column;
+    return static_cast<std::size_t>(row) * stride + column;
   }
 
  public:
@@ -149,16 +174,21 @@ struct Renderer::Impl {
   ShadowMap shadow_map;
   int samples;
   int sample_columns = 0;
+  int stride = 0;  ///< of the buffers of samples
   float albedo;
   float ambient;  ///< times albedo
   std::vector<Vertex> vertices;
   std::vector<ShadowMap::Vertex> shadow_vertices;
   std::vector<ShadowMap::Slope> slopes;
   std::vector<Piece> pieces;
-  std::vector<float> inverse_depth;               ///< z-buffer; 0: nothing
-  std::vector<int> piece_at;                      ///< valid where inverse_depth is not 0
+  /// Change of a piece's inverse depth from one sample to the next one, diagonally.
+  std::vector<float> depth_range;
+  std::vector<float> inverse_depth;  ///< z-buffer; 0: nothing, everywhere between frames
+  std::vector<int> piece_at;         ///< valid where inverse_depth is not 0
   std::vector<std::array<int, 2>> central_first;  ///< samples of a pixel (row, column) by distance
   Extent rows, columns;                           ///< of pixels that the surface may touch
+  std::vector<float> nearest, farthest;           ///< inverse depth in each pixel of a row
+  std::vector<Covered> whole;  ///< pixels of a row that one piece of surface fills
   RenderedFrame frame;
 };
 
@@ -243,9 +273,6 @@ void Renderer::Impl::set_extent(const Eigen::Array2f& low, const Eigen::Array2f&
 
 void Renderer::Impl::draw() {
   if (columns.last <= columns.first) return;
-  for (int row = rows.first * samples; row < rows.last * samples; ++row)
-    std::fill(&inverse_depth[at(row, columns.first * samples)],
-              &inverse_depth[at(row, columns.last * samples - 1)] + 1, 0.0f);
   for (int t = 0; t < static_cast<int>(pieces.size()); ++t) draw_piece(t);
 }
 
@@ -260,95 +287,154 @@ void Renderer::Impl::draw_piece(int t) {
       piece.gradient.of(a.inverse_depth(), b.inverse_depth(), c.inverse_depth());
   const ImagePoint row = piece.gradient.of(a.row, b.row, c.row);
   const bool lit = a.lit() && b.lit() && c.lit();
-  piece.facing = !lit ? 0.0f : piece.gradient.twice_area < 0 ? 1.0f : -1.0f;
-  piece.footprint = std::sqrt(row.x * row.x + row.y * row.y);
-  piece.depth_range = std::abs(depth.x) + std::abs(depth.y);
+  const float facing = !lit ? 0.0f : piece.gradient.twice_area < 0 ? 1.0f : -1.0f;
+  piece.x = a.x, piece.y = a.y;
+  depth_range[t] = std::abs(depth.x) + std::abs(depth.y);
+  piece.at_corner << a.over_depth, facing * a.cosine, std::sqrt(row.x * row.x + row.y * row.y),
+      slopes[t].x, slopes[t].y;
+  piece.along_second << b.over_depth - a.over_depth, facing * (b.cosine - a.cosine), 0, 0, 0;
+  piece.along_third << c.over_depth - a.over_depth, facing * (c.cosine - a.cosine), 0, 0, 0;
   for_each_span(
       pa, pb, pc, sample_columns, rig.height * samples, [&](int line, int begin, int end) {
         const float start = a.inverse_depth() + (static_cast<float>(line) + 0.5f - a.y) * depth.y +
                             (0.5f - a.x) * depth.x;
-        float* nearest = &inverse_depth[at(line, 0)];
+        float* nearest_here = &inverse_depth[at(line, 0)];
         int* owner = &piece_at[at(line, 0)];
-        for (int column = begin; column < end; ++column) {
-          const float z = start + static_cast<float>(column) * depth.x;
-          if (z > nearest[column]) {
-            nearest[column] = z;
-            owner[column] = t;
-          }
+        // In packs, as long as most spans: no loop whose length must be guessed. Beyond the end
+        // nothing changes.
+        for (int first = begin; first < end; first += kFloatLanes) {
+          const IntLanes column = first + int_lanes([](int k) { return k; });
+          const FloatLanes before = load_lanes<FloatLanes>(nearest_here + first);
+          const FloatLanes z = start + to_float(column) * depth.x;
+          const IntLanes seen = (column < end) & (z > before);
+          store_lanes(nearest_here + first, seen ? z : before);
+          const IntLanes owned = load_lanes<IntLanes>(owner + first);
+          store_lanes(owner + first, seen ? IntLanes{} + t : owned);
         }
       });
 }
 
-/// The surface at (x, y), in samples, on the plane of piece t, which may end a little before.
-Shade Renderer::Impl::shade(int t, float x, float y, float footprint_samples) const {
-  const Piece& piece = pieces[t];
-  const auto& corners = surface.triangles()[t];
-  const Vertex &p = vertices[corners[0]], &q = vertices[corners[1]], &r = vertices[corners[2]];
-  const BarycentricGradient& g = piece.gradient;
-  const float dx = x - p.x, dy = y - p.y;
-  // Not far beyond the piece: the plane of one seen edge-on is steep.
-  const float beta = std::clamp(g.x1 * dx + g.y1 * dy, -0.5f, 1.5f);
-  const float gamma = std::clamp(g.x2 * dx + g.y2 * dy, -0.5f, 1.5f);
-  const Eigen::Array4f over_depth =
-      p.over_depth + beta * (q.over_depth - p.over_depth) + gamma * (r.over_depth - p.over_depth);
-  Shade result{ambient, 1 / over_depth[3], kNoRow};
-  const float cosine =
-      piece.facing * (p.cosine + beta * (q.cosine - p.cosine) + gamma * (r.cosine - p.cosine));
-  if (!(cosine > 0)) return result;
-  const float scale = 1 / over_depth[2];
-  const float column = over_depth[0] * scale, row = over_depth[1] * scale;
-  const auto outside = [](float value, double size) {
-    return size > 0 && !(value >= 0 && value <= static_cast<float>(size));
-  };
-  if (outside(column, rig.projector_width) || outside(row, rig.projector_height)) return result;
-  const float lit =
-      options.shadows ? shadow_map.lit(column, row, over_depth[3] * scale, slopes[t]) : 1.0f;
-  if (lit >= 0.5f) result.row = row;
-  if (!(lit > 0)) return result;
-  const float light = options.filter_stripes ? filter.mean(row, piece.footprint * footprint_samples)
-                                             : static_cast<float>(rig.pattern.light(row));
-  result.intensity += albedo * light * cosine * lit;
-  return result;
+/// The surface at points on the planes of pieces, which may end a little before.
+Shades Renderer::Impl::shade(const ShadePoints& points, float footprint_samples) const {
+  std::array<Affine, kFloatLanes> by_point;
+  for (int k = 0; k < kFloatLanes; ++k) {
+    const Piece& piece = pieces[points.piece[k]];
+    const BarycentricGradient& g = piece.gradient;
+    const float dx = points.x[k] - piece.x, dy = points.y[k] - piece.y;
+    // Not far beyond the piece: the plane of one seen edge-on is steep.
+    const float beta = std::clamp(g.x1 * dx + g.y1 * dy, -0.5f, 1.5f);
+    const float gamma = std::clamp(g.x2 * dx + g.y2 * dy, -0.5f, 1.5f);
+    by_point[k] = piece.at_corner + beta * piece.along_second + gamma * piece.along_third;
+  }
+  std::array<FloatLanes, 8> by_entry;
+  for (int entry = 0; entry < 8; ++entry)
+    by_entry[entry] = float_lanes([&](int k) { return by_point[k][entry]; });
+  return shine(by_entry, footprint_samples);
 }
 
-void Renderer::Impl::write(int i, int j, float intensity, bool inside, const Shade& centre) {
+/// Without branches, so that the points are shaded side by side.
+Shades Renderer::Impl::shine(const std::array<FloatLanes, 8>& affine,
+                             float footprint_samples) const {
+  const FloatLanes none = {};
+  const FloatLanes scale = 1 / affine[kDepth];
+  FloatLanes column = affine[kColumn] * scale, row = affine[kRow] * scale;
+  IntLanes shone = affine[kCosine] > 0;
+  const auto restrict_to = [&](FloatLanes value, double size) {
+    if (size > 0) shone &= (value >= 0) & (value <= static_cast<float>(size));
+  };
+  restrict_to(column, rig.projector_width);
+  restrict_to(row, rig.projector_height);
+  column = shone ? column : none;
+  row = shone ? row : none;
+  const FloatLanes lit = options.shadows ? shadow_map.lit(column, row, affine[kOne] * scale,
+                                                          affine[kSlopeX], affine[kSlopeY])
+                                         : none + 1;
+  const FloatLanes light =
+      options.filter_stripes
+          ? filter.mean(row, affine[kFootprint] * footprint_samples)
+          : float_lanes([&](int k) { return static_cast<float>(rig.pattern.light(row[k])); });
+  const FloatLanes more = albedo * light * affine[kCosine] * lit;
+  return {shone & (lit > 0) ? ambient + more : none + ambient, 1 / affine[kOne],
+          shone & (lit >= 0.5f) ? row : none + kNoRow};
+}
+
+void Renderer::Impl::write(int i, int j, float intensity, bool inside, float depth, float row) {
   frame.intensity(i, j) = std::min(intensity, 1.0f);
   if (!inside) return;
   frame.silhouette(i, j) = 1;
-  frame.depth(i, j) = centre.depth;
-  if (options.projector_row) frame.projector_row(i, j) = centre.row;
+  frame.depth(i, j) = depth;
+  if (options.projector_row) frame.projector_row(i, j) = row;
 }
 
 template <int kSamples>
 void Renderer::Impl::resolve() {
-  for (int i = rows.first; i < rows.last; ++i)
-    for (int j = columns.first; j < columns.last; ++j)
-      if (!options.filter_stripes || !resolve_whole<kSamples>(i, j)) resolve_sampled(i, j);
+  if (columns.last <= columns.first) return;
+  for (int i = rows.first; i < rows.last; ++i) resolve_row<kSamples>(i);
 }
 
-/// A pixel that one smooth piece of surface fills: one point of shading, at its centre. False if it
-/// is not such a pixel.
+/// Nearest and farthest inverse depth in the pixels of row i.
 template <int kSamples>
-bool Renderer::Impl::resolve_whole(int i, int j) {
+void Renderer::Impl::find_depths(int i) {
   const int n = kSamples > 0 ? kSamples : samples;
-  float nearest = 0, farthest = std::numeric_limits<float>::infinity();
+  const auto first = static_cast<std::size_t>(columns.first);
+  const int count = columns.last - columns.first;
+  float* most = &nearest[first];
+  float* least = &farthest[first];
+  std::fill_n(most, count, 0.0f);
+  std::fill_n(least, count, std::numeric_limits<float>::infinity());
+  for (int r = 0; r < n; ++r) {
+    const float* line = &inverse_depth[at(i * n + r, columns.first * n)];
+    for (int j = 0; j < count; ++j)
+      for (int c = 0; c < n; ++c) {
+        most[j] = std::max(most[j], line[j * n + c]);
+        least[j] = std::min(least[j], line[j * n + c]);
+      }
+  }
+}
+
+template <int kSamples>
+void Renderer::Impl::resolve_row(int i) {
+  const int n = kSamples > 0 ? kSamples : samples;
+  find_depths<kSamples>(i);
+  whole.clear();
+  const int* middle = &piece_at[at(i * n + n / 2, n / 2)];
+  for (int j = columns.first; j < columns.last; ++j) {
+    const float near = nearest[static_cast<std::size_t>(j)];
+    const float far = farthest[static_cast<std::size_t>(j)];
+    if (near == 0) continue;  // only background
+    const int t = middle[j * n];
+    // A jump in depth of more than 1e-3 of it, beyond what the slant explains, is another layer.
+    // Without one, one smooth piece of surface fills the pixel.
+    const float smooth = static_cast<float>(n - 1) * depth_range[t] + 1e-3f * near;
+    if (options.filter_stripes && far != 0 && near - far <= smooth)
+      whole.push_back({j, t});
+    else
+      resolve_sampled(i, j);
+  }
+  shade_whole(i);
+  // For the next frame, while it is in the cache.
   for (int r = 0; r < n; ++r)
-    for (int c = 0; c < n; ++c) {
-      const float z = inverse_depth[at(i * n + r, j * n + c)];
-      nearest = std::max(nearest, z);
-      farthest = std::min(farthest, z);
-    }
-  if (nearest == 0) return true;  // only background
-  if (farthest == 0) return false;
-  const int t = piece_at[at(i * n + n / 2, j * n + n / 2)];
-  // A jump in depth of more than 1e-3 of it, beyond what the slant explains, is another layer.
-  const float smooth = static_cast<float>(n - 1) * pieces[t].depth_range + 1e-3f * nearest;
-  if (nearest - farthest > smooth) return false;
-  const float half = 0.5f * static_cast<float>(n);
-  const Shade centre = shade(t, static_cast<float>(j * n) + half, static_cast<float>(i * n) + half,
-                             static_cast<float>(n));
-  write(i, j, centre.intensity, true, centre);
-  return true;
+    std::fill_n(&inverse_depth[at(i * n + r, columns.first * n)],
+                (columns.last - columns.first) * n, 0.0f);
+}
+
+/// One point of shading a pixel, at its centre, for the pixels `whole` of row i.
+void Renderer::Impl::shade_whole(int i) {
+  const auto n = static_cast<float>(samples);
+  const std::size_t count = whole.size();
+  // The last pixel again where there are no more.
+  for (int k = 1; k < kFloatLanes && count > 0; ++k) whole.push_back(whole[count - 1]);
+  ShadePoints points;
+  points.y += static_cast<float>(i * samples) + 0.5f * n;
+  for (std::size_t first = 0; first < count; first += kFloatLanes) {
+    const Covered* pixel = &whole[first];
+    points.piece = int_lanes([&](int k) { return pixel[k].piece; });
+    const IntLanes column = int_lanes([&](int k) { return pixel[k].column; });
+    points.x = to_float(column * samples) + 0.5f * n;
+    const Shades shades = shade(points, n);
+    for (int k = 0; k < kFloatLanes && first + k < count; ++k)
+      write(i, pixel[k].column, shades.intensity[k], true, shades.depth[k], shades.row[k]);
+  }
 }
 
 /// The nearest piece at the pixel's centre, of those that cover one of its samples; -1 if none
@@ -376,30 +462,38 @@ int Renderer::Impl::piece_at_centre(int i, int j) const {
   return nearest;
 }
 
+/// Every covered sample is shaded, and the centre of a pixel inside.
 void Renderer::Impl::resolve_sampled(int i, int j) {
-  const int n = samples;
+  const int n = samples, all = n * n;
+  ShadePoints points;
   float sum = 0;
-  int covered = 0, central = -1;
+  int covered = 0, central = -1, pending = 0;
+  const auto add_pending = [&] {
+    const Shades shades = shade(points, 1);
+    for (int k = 0; k < pending; ++k) sum += shades.intensity[k];
+    pending = 0;
+  };
   for (const auto& [r, c] : central_first) {
     const std::size_t sample = at(i * n + r, j * n + c);
     if (inverse_depth[sample] == 0) continue;
     ++covered;
     if (central < 0) central = piece_at[sample];
-    sum += shade(piece_at[sample], static_cast<float>(j * n + c) + 0.5f,
-                 static_cast<float>(i * n + r) + 0.5f, 1)
-               .intensity;
+    points.x[pending] = static_cast<float>(j * n + c) + 0.5f;
+    points.y[pending] = static_cast<float>(i * n + r) + 0.5f;
+    points.piece[pending] = piece_at[sample];
+    if (++pending == kFloatLanes) add_pending();
   }
   if (covered == 0) return;
-  const int all = n * n;
-  sum += static_cast<float>(all - covered) * static_cast<float>(options.background);
   const int at_centre = piece_at_centre(i, j);
   const bool inside = 2 * covered == all ? at_centre >= 0 : 2 * covered > all;
-  const float half = 0.5f * static_cast<float>(n);
-  const Shade centre =
-      inside ? shade(at_centre >= 0 ? at_centre : central, static_cast<float>(j * n) + half,
-                     static_cast<float>(i * n) + half, 1)
-             : Shade{};
-  write(i, j, sum / static_cast<float>(all), inside, centre);
+  const int centre = pending;
+  points.x[centre] = static_cast<float>(j * n) + 0.5f * static_cast<float>(n);
+  points.y[centre] = static_cast<float>(i * n) + 0.5f * static_cast<float>(n);
+  points.piece[centre] = at_centre >= 0 ? at_centre : central;
+  const Shades shades = shade(points, 1);
+  for (int k = 0; k < pending; ++k) sum += shades.intensity[k];
+  sum += static_cast<float>(all - covered) * static_cast<float>(options.background);
+  write(i, j, sum / static_cast<float>(all), inside, shades.depth[centre], shades.row[centre]);
 }
 
 Renderer::Renderer(const Rig& rig, const TriangleMesh& mesh, const RenderOptions& options)

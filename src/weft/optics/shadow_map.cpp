@@ -35,7 +35,7 @@ void ShadowMap::place(const std::vector<Vertex>& vertices) {
   rows_ = static_cast<int>((bottom - top) * scale_) + 5;
   limit_x_ = static_cast<float>(columns_ - 1);
   limit_y_ = static_cast<float>(rows_ - 1);
-  inverse_depth_.assign(static_cast<std::size_t>(columns_) * rows_, 0.0f);
+  inverse_depth_.assign(static_cast<std::size_t>(columns_) * rows_ + kFloatLanes, 0.0f);
 }
 
 void ShadowMap::draw(const std::vector<Vertex>& vertices,
@@ -62,8 +62,13 @@ void ShadowMap::draw_triangle(const Vertex& a, const Vertex& b, const Vertex& c,
     float* line = &inverse_depth_[static_cast<std::size_t>(row) * columns_];
     const float start =
         a.inverse_depth + (static_cast<float>(row) + 0.5f - pa.y) * g.y + (0.5f - pa.x) * g.x;
-    for (int column = begin; column < end; ++column)
-      line[column] = std::max(line[column], start + static_cast<float>(column) * g.x);
+    // In packs, as long as most spans; beyond the end nothing changes.
+    for (int first = begin; first < end; first += kFloatLanes) {
+      const IntLanes column = first + int_lanes([](int k) { return k; });
+      const FloatLanes before = load_lanes<FloatLanes>(line + first);
+      const FloatLanes here = start + to_float(column) * g.x;
+      store_lanes(line + first, (column < end) & (before < here) ? here : before);
+    }
   });
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "weft/optics/float_lanes.h"
 #include "weft/optics/raster.h"
 
 namespace weft {
@@ -27,23 +28,30 @@ class ShadowMap {
             std::vector<Slope>& slopes);
 
   /// Fraction, 0 to 1, of the bilinear neighbourhood of (x, y) that the projector sees. The depth
-  /// of the surface is continued along `slope` to the four texels, so that a slanted surface does
-  /// not shadow itself.
-  float lit(float x, float y, float inverse_depth, Slope slope) const {
-    const float u = (x - origin_x_) * scale_ - 0.5f, v = (y - origin_y_) * scale_ - 0.5f;
-    if (!(u >= 0 && v >= 0 && u < limit_x_ && v < limit_y_)) return 1;
-    const int i = static_cast<int>(v), j = static_cast<int>(u);
-    const float fx = u - static_cast<float>(j), fy = v - static_cast<float>(i);
-    const float* upper = &inverse_depth_[static_cast<std::size_t>(i) * columns_ + j];
-    const float* lower = upper + columns_;
-    const float tolerated = inverse_depth + bias_ * inverse_depth * inverse_depth;
-    const float at = tolerated - fx * slope.x - fy * slope.y;
-    const bool a = upper[0] <= at, b = upper[1] <= at + slope.x;
-    const bool c = lower[0] <= at + slope.y, d = lower[1] <= at + slope.x + slope.y;
-    if (a && b && c && d) return 1;
-    const float top = (1 - fx) * static_cast<float>(a) + fx * static_cast<float>(b);
-    const float bottom = (1 - fx) * static_cast<float>(c) + fx * static_cast<float>(d);
-    return (1 - fy) * top + fy * bottom;
+  /// of the surface is continued along its slope (as draw() returns it) to the four texels, so that
+  /// a slanted surface does not shadow itself. 1 outside the map.
+  FloatLanes lit(FloatLanes x, FloatLanes y, FloatLanes inverse_depth, FloatLanes slope_x,
+                 FloatLanes slope_y) const {
+    const FloatLanes none = {};
+    FloatLanes u = (x - origin_x_) * scale_ - 0.5f, v = (y - origin_y_) * scale_ - 0.5f;
+    const IntLanes inside = (u >= 0) & (v >= 0) & (u < limit_x_) & (v < limit_y_);
+    u = inside ? u : none;
+    v = inside ? v : none;
+    const IntLanes i = to_int(v), j = to_int(u), texel = i * columns_ + j;
+    const FloatLanes fx = u - to_float(j), fy = v - to_float(i);
+    const auto nearest = [&](int offset) {
+      const float* map = inverse_depth_.data() + offset;
+      return float_lanes([&](int k) { return map[texel[k]]; });
+    };
+    const FloatLanes tolerated = inverse_depth + bias_ * inverse_depth * inverse_depth;
+    const FloatLanes at = tolerated - fx * slope_x - fy * slope_y;
+    const IntLanes a = nearest(0) <= at, b = nearest(1) <= at + slope_x;
+    const IntLanes c = nearest(columns_) <= at + slope_y;
+    const IntLanes d = nearest(columns_ + 1) <= at + slope_x + slope_y;
+    const FloatLanes one = none + 1;
+    const FloatLanes top = (1 - fx) * (a ? one : none) + fx * (b ? one : none);
+    const FloatLanes bottom = (1 - fx) * (c ? one : none) + fx * (d ? one : none);
+    return (a & b & c & d) | ~inside ? one : (1 - fy) * top + fy * bottom;
   }
 
  private:
@@ -55,7 +63,7 @@ class ShadowMap {
   float origin_x_ = 0, origin_y_ = 0;
   float limit_x_ = 0, limit_y_ = 0;
   int columns_ = 0, rows_ = 0;
-  std::vector<float> inverse_depth_;
+  std::vector<float> inverse_depth_ = std::vector<float>(kFloatLanes);  ///< longer by a pack
 };
 
 }  // namespace weft

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <vector>
 
+#include "weft/optics/float_lanes.h"
 #include "weft/optics/stripes.h"
 
 namespace weft {
@@ -13,21 +14,25 @@ class StripeFilter {
  public:
   /// Throws Error unless period and edge_gain are positive and black_level is in [0, 1].
   explicit StripeFilter(const StripePattern& pattern);
-  /// `y` and `width` in projector px.
-  float mean(float y, float width) const {
-    const float t = y * frequency_;
-    const float half = 0.5f * std::max(width * frequency_, kNarrowest);
+  /// `y` and `width` in projector px. Of several intervals; what is not finite gives no number.
+  FloatLanes mean(FloatLanes y, FloatLanes width) const {
+    const FloatLanes t = y * frequency_, periods = width * frequency_;
+    const FloatLanes half = 0.5f * (periods < kNarrowest ? FloatLanes{} + kNarrowest : periods);
     return mean_ + (deviation(t + half) - deviation(t - half)) / (2 * half);
   }
+  float mean(float y, float width) const { return mean(FloatLanes{} + y, FloatLanes{} + width)[0]; }
 
  private:
   static constexpr int kEntries = 1024;
   static constexpr float kNarrowest = 0.01f;
   /// Integral from 0 to t (in periods) of light - mean: periodic.
-  float deviation(float t) const {
-    const float entry = (t - std::floor(t)) * kEntries;
-    const int k = static_cast<int>(entry);
-    return table_[k] + (entry - static_cast<float>(k)) * (table_[k + 1] - table_[k]);
+  FloatLanes deviation(FloatLanes t) const {
+    FloatLanes entry = (t - floor_of(t)) * kEntries;
+    entry = (entry >= 0) & (entry <= kEntries) ? entry : FloatLanes{};  // not finite: anywhere
+    const IntLanes place = to_int(entry);
+    const FloatLanes before = float_lanes([&](int k) { return table_.data()[place[k]]; });
+    const FloatLanes after = float_lanes([&](int k) { return table_.data()[place[k] + 1]; });
+    return before + (entry - to_float(place)) * (after - before);
   }
   float frequency_ = 0;  ///< periods per projector px
   float mean_ = 0;

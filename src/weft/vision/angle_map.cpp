@@ -77,14 +77,44 @@ T checked(T value, T lower, T upper, const char* name) {
               ", must be from " + std::to_string(lower) + " to " + std::to_string(upper));
 }
 
-/// Products of taps with in[x - n step] and in[x + n step], for even and odd rows of taps.
-Pack even_taps(const Taps& taps, const float* in, std::ptrdiff_t step) {
-  Pack sum = taps[0] * load(in);
-  for (std::size_t n = 1; n < taps.size(); ++n) {
-    const std::ptrdiff_t offset = std::ptrdiff_t(n) * step;
-    sum += taps[n] * (load(in + offset) + load(in - offset));
+/// Sum of a times b: row by row in float, the rows in double. A sum waits for its additions; four
+/// rows at a time do not.
+template <class RowOfA, class RowOfB>
+double sum_of_products(int height, int width, const RowOfA& row_of_a, const RowOfB& row_of_b) {
+  constexpr int kRows = 4;
+  double total = 0;
+  for (int y = 0; y < height; y += kRows) {
+    const auto row = [&](int k) { return std::min(y + k, height - 1); };
+    const std::array<const float*, kRows> a{row_of_a(row(0)), row_of_a(row(1)), row_of_a(row(2)),
+                                            row_of_a(row(3))};
+    const std::array<const float*, kRows> b{row_of_b(row(0)), row_of_b(row(1)), row_of_b(row(2)),
+                                            row_of_b(row(3))};
+    std::array<float, kRows> sums{};
+    for (int x = 0; x < width; ++x)
+      for (std::size_t k = 0; k < kRows; ++k) sums[k] += a[k][x] * b[k][x];
+    for (int k = 0; k < std::min(kRows, height - y); ++k) total += double(sums[std::size_t(k)]);
   }
-  return sum;
+  return total;
+}
+
+/// The value at `rank` of the sorted `values`, which are not negative; they may be reordered. Bins
+/// first: what is sorted is the few values next to it.
+float ranked(std::vector<float>& values, std::size_t rank) {
+  constexpr int kBins = 1024;
+  const float largest = *std::max_element(values.begin(), values.end());
+  const float scale = float(kBins) / std::max(largest, 1e-30f);
+  const auto bin = [&](float value) {
+    return std::size_t(std::min(int(value * scale), kBins - 1));
+  };
+  std::array<std::size_t, kBins> counts{};
+  for (const float value : values) ++counts[bin(value)];
+  std::size_t wanted = 0;
+  while (rank >= counts[wanted]) rank -= counts[wanted++];
+  const auto end = std::partition(values.begin(), values.end(),
+                                  [&](float value) { return bin(value) == wanted; });
+  const auto at = values.begin() + std::ptrdiff_t(rank);
+  std::nth_element(values.begin(), at, end);
+  return *at;
 }
 
 }  // namespace
@@ -105,6 +135,13 @@ struct AngleMapper::Impl {
   float* ring(std::size_t factor, int y) {
     return filtered_[factor].row((y + 2 * radius_ + 1) % (2 * radius_ + 1));
   }
+  int reach() const { return int(blur_.size()) - 1; }
+  float* blurred(std::size_t coefficient, int y) {
+    return blurred_[coefficient].row((y + 2 * reach() + 1) % (2 * reach() + 1));
+  }
+  void blur_along_x(int y);
+  void blur_along_y(int y);
+  void darken(int y);
 
   const int width_, height_;
   const AngleMapOptions options_;
@@ -118,9 +155,9 @@ struct AngleMapper::Impl {
   Plane inside_;  ///< 1 inside the region less its rim, else 0
   Plane light_;   ///< less its local mean, over it; 0 outside
   float energy_floor_ = 0;
-  std::array<Plane, 3> row_;  ///< one row of C1, C2, C3
-  std::array<Plane, 3>
-      blurred_;  ///< C1, C2, C3 blurred along x; blur radius rows more at both ends
+  std::array<Plane, 3> row_;      ///< one row of C1, C2, C3
+  std::array<Plane, 3> blurred_;  ///< the last 2 reach + 1 rows of C1, C2, C3 blurred along x
+  std::vector<std::ptrdiff_t> offsets_;  ///< from a row of these to those before and after it
   Plane coherence_;
   std::array<Plane, 5> filtered_;  ///< the last 2 radius + 1 rows of e, u1, g2, h2, h3 along x
   std::vector<float> sample_;
@@ -162,7 +199,7 @@ void AngleMapper::Impl::clear_outputs() {
 /// The region less the pixels that touch its outside, which are partly background. The frame's
 /// border is no rim.
 void AngleMapper::Impl::set_inside(const Mask& region) {
-  inside_.resize(box_.height(), box_.width(), 0);
+  inside_.resize_unfilled(box_.height(), box_.width(), 0);
   for (int i = 0; i < box_.height(); ++i) {
     float* out = inside_.row(i);
     if (region.size() == 0) {
@@ -173,12 +210,15 @@ void AngleMapper::Impl::set_inside(const Mask& region) {
     const std::uint8_t* here = region.data() + y * region.cols();
     const std::uint8_t* above = y > 0 ? here - region.cols() : here;
     const std::uint8_t* below = y + 1 < height_ ? here + region.cols() : here;
-    for (int x = box_.x0; x < box_.x1; ++x) {
-      const int left = std::max(x - 1, 0), right = std::min(x + 1, width_ - 1);
-      const bool core = (here[x] != 0) & (above[x] != 0) & (below[x] != 0) & (here[left] != 0) &
-                        (here[right] != 0);
-      out[x - box_.x0] = core ? 1.0f : 0.0f;
-    }
+    const auto core = [&](int x, int left, int right) {
+      return (here[x] != 0) & (above[x] != 0) & (below[x] != 0) & (here[left] != 0) &
+             (here[right] != 0);
+    };
+    for (int x = std::max(box_.x0, 1); x < std::min(box_.x1, width_ - 1); ++x)
+      out[x - box_.x0] = core(x, x - 1, x + 1) ? 1.0f : 0.0f;
+    if (box_.x0 == 0) out[0] = core(0, 0, std::min(1, width_ - 1)) ? 1.0f : 0.0f;
+    if (box_.x1 == width_)
+      out[box_.width() - 1] = core(width_ - 1, std::max(width_ - 2, 0), width_ - 1) ? 1.0f : 0.0f;
   }
 }
 
@@ -189,34 +229,27 @@ void AngleMapper::Impl::normalise(const Image& intensity) {
   const auto row_in = [&](int y) {
     return intensity.data() + (box_.y0 + y) * intensity.cols() + box_.x0;
   };
-  double total = 0, pixels = 0;
+  const auto inside_row = [&](int y) { return inside_.row(y); };
+  const double total = sum_of_products(box_.height(), box_.width(), row_in, inside_row);
+  double pixels = 0;
   for (int y = 0; y < box_.height(); ++y) {
-    const float* in = row_in(y);
-    const float* inside = inside_.row(y);
-    float light = 0, count = 0;
-    for (int x = 0; x < box_.width(); ++x) {
-      light += inside[x] * in[x];
-      count += inside[x];
-    }
-    total += double(light);
-    pixels += double(count);
+    // Whole numbers: their sum does not depend on the order.
+    const Eigen::Map<const Eigen::ArrayXf> inside(inside_.row(y), box_.width());
+    pixels += double(inside.sum());
   }
   const float floor = std::max(kMeanFloor * float(total / std::max(pixels, 1.0)), 1e-6f);
-  light_.resize(box_.height(), box_.width(), radius_);
-  double squares = 0;
+  light_.resize_unfilled(box_.height(), box_.width(), radius_);
   for (int y = 0; y < box_.height(); ++y) {
     const float* in = row_in(y);
     const float* inside = inside_.row(y);
     float* mean = row_[0].row(0);
     float* out = light_.row(y);
     mean_.row(box_.y0 + y, mean);
-    float sum = 0;
-    for (int x = 0; x < box_.width(); ++x) {
+    for (int x = 0; x < box_.width(); ++x)
       out[x] = inside[x] * (in[x] - mean[x]) / (mean[x] + floor);
-      sum += out[x] * out[x];
-    }
-    squares += double(sum);
   }
+  const auto light_row = [&](int y) { return light_.row(y); };
+  const double squares = sum_of_products(box_.height(), box_.width(), light_row, light_row);
   const double variance = std::max(squares / std::max(pixels, 1.0), kLeastVariance);
   energy_floor_ = float(kEnergyFloor * kEnergyOfVariance * variance);
 }
@@ -303,34 +336,80 @@ void AngleMapper::Impl::combine(int y) {
     store(out[1] + x, weight * c2);
     store(out[2] + x, weight * c3);
   }
-  const int reach = int(blur_.size()) - 1;
+  blur_along_x(y);
+}
+
+/// The three coefficients at a time: a sum waits for its additions, three of them do not.
+void AngleMapper::Impl::blur_along_x(int y) {
+  const float *in1 = row_[0].row(0), *in2 = row_[1].row(0), *in3 = row_[2].row(0);
+  for (int x = 0; x < box_.width(); x += kPack) {
+    Pack sum1 = blur_[0] * load(in1 + x), sum2 = blur_[0] * load(in2 + x);
+    Pack sum3 = blur_[0] * load(in3 + x);
+    for (int n = 1; n <= reach(); ++n) {
+      const float tap = blur_[std::size_t(n)];
+      sum1 += tap * (load(in1 + x + n) + load(in1 + x - n));
+      sum2 += tap * (load(in2 + x + n) + load(in2 + x - n));
+      sum3 += tap * (load(in3 + x + n) + load(in3 + x - n));
+    }
+    store(blurred(0, y) + x, sum1);
+    store(blurred(1, y) + x, sum2);
+    store(blurred(2, y) + x, sum3);
+  }
+}
+
+void AngleMapper::Impl::blur_along_y(int y) {
+  // Offsets in the ring of rows, alike for all three.
+  const float *in1 = blurred(0, y), *in2 = blurred(1, y), *in3 = blurred(2, y);
+  offsets_.clear();
+  for (int n = 1; n <= reach(); ++n) {
+    offsets_.push_back(blurred(0, y - n) - in1);
+    offsets_.push_back(blurred(0, y + n) - in1);
+  }
+  for (int x = 0; x < box_.width(); x += kPack) {
+    Pack sum1 = blur_[0] * load(in1 + x), sum2 = blur_[0] * load(in2 + x);
+    Pack sum3 = blur_[0] * load(in3 + x);
+    for (std::size_t n = 1; n < blur_.size(); ++n) {
+      const float tap = blur_[n];
+      const std::ptrdiff_t before = offsets_[2 * n - 2] + x, after = offsets_[2 * n - 1] + x;
+      sum1 += tap * (load(in1 + after) + load(in1 + before));
+      sum2 += tap * (load(in2 + after) + load(in2 + before));
+      sum3 += tap * (load(in3 + after) + load(in3 + before));
+    }
+    store(row_[0].row(0) + x, sum1);
+    store(row_[1].row(0) + x, sum2);
+    store(row_[2].row(0) + x, sum3);
+  }
+}
+
+/// A row of the blurred coefficients outside the box.
+void AngleMapper::Impl::darken(int y) {
   for (std::size_t k = 0; k < 3; ++k)
-    for (int x = 0; x < box_.width(); x += kPack)
-      store(blurred_[k].row(y + reach) + x, even_taps(blur_, out[k] + x, 1));
+    std::fill_n(blurred(k, y), detail::round_up(box_.width()), 0.0f);
 }
 
 /// The blur along y and the angle. C2 and C3 point across the stripes; a quarter turn is a change
 /// of both signs.
 void AngleMapper::Impl::finish(int y) {
-  const int reach = int(blur_.size()) - 1;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const float* in = blurred_[k].row(y + reach);
-    const std::ptrdiff_t stride = blurred_[k].row(1) - blurred_[k].row(0);
-    for (int x = 0; x < box_.width(); x += kPack)
-      store(row_[k].row(0) + x, even_taps(blur_, in + x, stride));
-  }
-  const float* c1 = row_[0].row(0);
-  const float* c2 = row_[1].row(0);
-  const float* c3 = row_[2].row(0);
+  blur_along_y(y);
   const float* inside = inside_.row(y);
-  float* coherence = coherence_.row(y);
   float* angle = &map_.angle(box_.y0 + y, box_.x0);
   float* strength = &map_.strength(box_.y0 + y, box_.x0);
-  for (int x = 0; x < box_.width(); ++x) {
-    const float amplitude = std::sqrt(c2[x] * c2[x] + c3[x] * c3[x]);
-    angle[x] = inside[x] * half_atan2(-c3[x], -c2[x]);
-    strength[x] = inside[x] * amplitude;
-    coherence[x] = amplitude / (c1[x] + 1e-20f);
+  float* coherence = coherence_.row(y);
+  // In packs, and the square root (which the compiler leaves alone) apart from the rest. Eigen's is
+  // not rounded correctly.
+  for (int x = 0; x < box_.width(); x += kPack) {
+    const Pack c1 = load(row_[0].row(0) + x), c2 = load(row_[1].row(0) + x);
+    const Pack c3 = load(row_[2].row(0) + x), in = load(inside + x);
+    const Pack square = c2 * c2 + c3 * c3;
+    Pack amplitude, half;
+    for (int i = 0; i < kPack; ++i) amplitude[i] = std::sqrt(square[i]);
+    for (int i = 0; i < kPack; ++i) half[i] = half_atan2(-c3[i], -c2[i]);
+    store(coherence + x, amplitude / (c1 + 1e-20f));
+    // The last pack may be longer than the row of the map.
+    const int count = std::min(kPack, box_.width() - x);
+    const Pack turned = in * half, strong = in * amplitude;
+    std::copy_n(turned.data(), count, angle + x);
+    std::copy_n(strong.data(), count, strength + x);
   }
 }
 
@@ -341,13 +420,18 @@ void AngleMapper::Impl::drop_undefined() {
   for (int y = 0; y < box_.height(); ++y) {
     const float* inside = inside_.row(y);
     const float* strength = &map_.strength(box_.y0 + y, box_.x0);
-    for (int x = y % 3; x < box_.width(); x += 3)
-      if (inside[x] > 0) sample_.push_back(strength[x]);
+    const std::size_t before = sample_.size();
+    sample_.resize(before + std::size_t(box_.width()));
+    float* next = sample_.data() + before;
+    for (int x = y % 3; x < box_.width(); x += 3) {
+      *next = strength[x];
+      next += inside[x] > 0;
+    }
+    sample_.resize(std::size_t(next - sample_.data()));
   }
   if (sample_.empty()) return;
-  const auto at = sample_.begin() + std::ptrdiff_t(0.95 * double(sample_.size() - 1));
-  std::nth_element(sample_.begin(), at, sample_.end());
-  const float least_strength = std::max(float(options_.energy_threshold) * *at, kLeastStrength);
+  const float strong = ranked(sample_, std::size_t(0.95 * double(sample_.size() - 1)));
+  const float least_strength = std::max(float(options_.energy_threshold) * strong, kLeastStrength);
   const float least_coherence = float(options_.coherence_threshold) * kGratingCoherence;
   for (int y = 0; y < box_.height(); ++y) {
     const float* strength = &map_.strength(box_.y0 + y, box_.x0);
@@ -363,20 +447,24 @@ const AngleMap& AngleMapper::Impl::compute(const Image& intensity, const Mask& r
   clear_outputs();
   box_ = region.size() == 0 ? Box{0, 0, width_, height_} : detail::bounding_box(region);
   if (box_.empty()) return map_;
-  const int reach = int(blur_.size()) - 1;
-  for (Plane& rows : filtered_) rows.resize(2 * radius_ + 1, box_.width(), 0);
-  for (Plane& row : row_) row.resize(1, box_.width(), reach);
-  for (Plane& plane : blurred_) plane.resize(box_.height() + 2 * reach, box_.width(), 0);
-  coherence_.resize(box_.height(), box_.width(), 0);
+  for (Plane& rows : filtered_) rows.resize_unfilled(2 * radius_ + 1, box_.width(), 0);
+  for (Plane& row : row_) row.resize_unfilled(1, box_.width(), reach());
+  for (Plane& rows : blurred_) rows.resize_unfilled(2 * reach() + 1, box_.width(), 0);
+  coherence_.resize_unfilled(box_.height(), box_.width(), 0);
 
   set_inside(region);
   normalise(intensity);
   for (int y = -radius_; y < radius_; ++y) filter_along_x(y);
-  for (int y = 0; y < box_.height(); ++y) {
-    filter_along_x(y + radius_);
-    combine(y);
+  for (int y = -reach(); y < 0; ++y) darken(y);
+  for (int y = 0; y < box_.height() + reach(); ++y) {
+    if (y < box_.height()) {
+      filter_along_x(y + radius_);
+      combine(y);
+    } else {
+      darken(y);
+    }
+    if (y >= reach()) finish(y - reach());
   }
-  for (int y = 0; y < box_.height(); ++y) finish(y);
   drop_undefined();
   return map_;
 }

@@ -27,7 +27,7 @@ class LocalMean {
   Box box_;
   int first_column_ = 0, first_row_ = 0, columns_ = 0, rows_ = 0;  // of blocks
   Plane light_, count_, scratch_;
-  std::vector<float> light_row_, count_row_;
+  std::vector<float> light_row_, count_row_, mean_row_;
 };
 
 }  // namespace weft::detail

@@ -7,12 +7,16 @@ Box bounding_box(const Mask& mask) {
   for (Eigen::Index y = 0; y < mask.rows(); ++y) {
     const std::uint8_t* begin = mask.data() + y * mask.cols();
     const std::uint8_t* end = begin + mask.cols();
-    const auto* first = std::find_if(begin, end, [](std::uint8_t value) { return value != 0; });
-    if (first == end) continue;
-    const auto* last = end - 1;
-    while (*last == 0) --last;
-    box.x0 = std::min(box.x0, int(first - begin));
-    box.x1 = std::max(box.x1, int(last - begin) + 1);
+    std::uint8_t any = 0;
+    for (const std::uint8_t* at = begin; at < end; ++at) any |= *at;
+    if (any == 0) continue;
+    // Only what would widen the box is looked at.
+    const auto inside = [&](int x) { return begin[x] != 0; };
+    int left = 0, right = int(mask.cols());
+    while (left < box.x0 && !inside(left)) ++left;
+    while (right > box.x1 && !inside(right - 1)) --right;
+    box.x0 = left;
+    box.x1 = right;
     box.y0 = std::min(box.y0, int(y));
     box.y1 = int(y) + 1;
   }

@@ -27,6 +27,19 @@ class Plane {
     if (data_.size() < size) data_.resize(size);
     std::fill_n(data_.begin(), size, 0.0f);
   }
+  /// As resize(), for rows whose `columns` are all written before they are read: zero is only what
+  /// lies around them.
+  void resize_unfilled(int rows, int columns, int margin) {
+    margin_ = round_up(margin);
+    stride_ = round_up(columns) + 2 * margin_;
+    const auto size = std::size_t(rows) * std::size_t(stride_);
+    if (data_.size() < size) data_.resize(size);
+    for (int i = 0; i < rows; ++i) {
+      float* begin = row(i);
+      std::fill_n(begin - margin_, margin_, 0.0f);
+      std::fill_n(begin + columns, stride_ - margin_ - columns, 0.0f);
+    }
+  }
   float* row(int i) { return data_.data() + std::ptrdiff_t(i) * stride_ + margin_; }
   const float* row(int i) const { return data_.data() + std::ptrdiff_t(i) * stride_ + margin_; }
 
