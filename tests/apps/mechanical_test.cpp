@@ -111,7 +111,8 @@ TEST_F(Mechanical, AKilledOrStoppedFitContinues) {
     const std::string whole = fmt::format("whole{}", i);
     const Outcome alone = weft(words(whole));
     ASSERT_EQ(alone.status, 0) << alone.err;
-    EXPECT_THAT(alone.out, HasSubstr("evaluations (0 replayed)"));
+    // A strip is fitted exactly: a search that is at its end may ask for a point again.
+    EXPECT_THAT(alone.out, testing::AnyOf(HasSubstr("(0 replayed)"), HasSubstr("(1 replayed)")));
     for (const int signal : {SIGKILL, SIGINT}) {
       const std::string out = fmt::format("out{}_{}", i, signal);
       ChildProcess child(command(words(out)));

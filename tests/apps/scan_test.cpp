@@ -31,7 +31,7 @@ class Scan : public ProgramTest {
     capture.width = capture.height = kSide;
     capture.areal_density = 0.2;
     std::vector<ScanShape> shapes;
-    const TriangleMesh mesh = make_swatch(kSide, kSide, 6, 6, GridPattern::uniform);
+    const TriangleMesh mesh = make_swatch(kSide, kSide, 6, 6);
     ScanSynthesis options;
     options.noise = 1e-5;
     options.stated_noise = 1e-5;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <set>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 #include "weft/dynamics/clips.h"
+#include "weft/model/bending.h"
 
 namespace weft {
 namespace {
@@ -63,10 +65,12 @@ class PulledCloth final : public StaticPotential {
 
  private:
   static void add_block(int row, int column, const Mat3& block, SparseMatrix& hessian) {
+    [[maybe_unused]] const Eigen::Index before = hessian.nonZeros();
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
         if (3 * row + i >= 3 * column + j)
           hessian.coeffRef(3 * row + i, 3 * column + j) += block(i, j);
+    assert(hessian.nonZeros() == before);
   }
 
   const HeavyCloth& cloth_;
@@ -74,8 +78,8 @@ class PulledCloth final : public StaticPotential {
   std::vector<Spring> springs_;
 };
 
-/// All pairs of the bar's vertices that a triangle or a hinge couples: as rigid as a truss of
-/// those.
+/// All pairs of the bar's vertices that a bending element couples, which the Hessian has places
+/// for: as rigid as a truss of those.
 void add_springs(const TriangleMesh& mesh, const std::vector<int>& clamp_of, int clamp,
                  std::vector<PulledCloth::Spring>& springs) {
   std::set<std::pair<int, int>> pairs;
@@ -83,9 +87,11 @@ void add_springs(const TriangleMesh& mesh, const std::vector<int>& clamp_of, int
     if (clamp_of[at(a)] == clamp && clamp_of[at(b)] == clamp)
       pairs.insert({std::min(a, b), std::max(a, b)});
   };
-  for (const auto& t : mesh.triangles)
-    for (std::size_t k = 0; k < 3; ++k) add(t[k], t[(k + 1) % 3]);
-  for (const Hinge& hinge : hinges(mesh)) add(hinge.vertices[2], hinge.vertices[3]);
+  for (const BendingElement& element : bending_elements(mesh))
+    for (std::size_t i = 0; i < 6; ++i)
+      for (std::size_t j = 0; j < i; ++j)
+        if (element.vertices[i] != element.vertices[j])
+          add(element.vertices[i], element.vertices[j]);
   for (const auto& [a, b] : pairs)
     springs.push_back({a, b, (mesh.material.col(a) - mesh.material.col(b)).norm()});
 }
