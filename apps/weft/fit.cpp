@@ -293,13 +293,29 @@ std::string result_text(const Report& report, const Problem& problem, const FitR
   return result.dump(1) + "\n";
 }
 
-MeshShift mesh_shift_of(const Problem& problem, const FitResult& fit,
-                        const std::vector<CostPart>& frames, const Uncertainty& uncertainty,
-                        const TrialArguments& trial) {
+/// How sure the estimate is.
+struct Sureness {
+  std::vector<CostPart> frames;            ///< its linearization; empty without derivatives
+  std::optional<Uncertainty> uncertainty;  ///< of two frames or more
+  MeshShift mesh;                          ///< empty: left out
+};
+
+Sureness sureness_of(const Problem& problem, const FitResult& fit, const TrialArguments& trial,
+                     MeshError mesh_error) {
+  const std::vector<PatchPart> parts = linearize_at(problem, fit, trial);
+  Sureness sure{frames_of(parts), {}, {}};
+  if (sure.frames.size() < 2) return sure;
+  sure.uncertainty = estimate_uncertainty(problem, fit.scaled, parts);
+  if (mesh_error == MeshError::left_out) return sure;
   fmt::print(stderr, "the same on cells and steps of half the width\n");
   LinearizationOptions options;
   options.threads = trial.threads();
-  return find_mesh_shift(problem, fit.scaled, frames, uncertainty.dispersion, options);
+  sure.mesh =
+      find_mesh_shift(problem, fit.scaled, sure.frames, sure.uncertainty->dispersion, options);
+  UncertaintyOptions with_mesh;
+  with_mesh.systematic = mesh_half_widths(sure.mesh.shift);
+  sure.uncertainty = estimate_uncertainty(problem, fit.scaled, parts, with_mesh);
+  return sure;
 }
 
 void run(const Arguments& arguments) {
@@ -337,7 +353,7 @@ void run(const Arguments& arguments) {
 
   std::vector<CaptureEvaluation> evaluations;
   std::vector<CapturePictures> pictures;
-  std::vector<PatchPart> parts;
+  Sureness sure;
   const auto look_at_captures = [&] {
     for (const Capture& capture : captures) {
       const auto all = arguments.trial.prepare(capture, capture.fit_first, capture.frame_count - 1);
@@ -352,29 +368,23 @@ void run(const Arguments& arguments) {
     if (i == 0)
       look_at_captures();
     else
-      parts = linearize_at(problem, fit, arguments.trial);
+      sure = sureness_of(problem, fit, arguments.trial, mesh_error_of(arguments));
   });
   Report report = report_of_fit(problem, fit, evaluations);
-  const std::vector<CostPart> frames = frames_of(parts);
-  Uncertainty uncertainty;
-  MeshShift mesh;
-  if (frames.size() >= 2) {
-    uncertainty = estimate_uncertainty(problem, fit.scaled, parts);
-    if (mesh_error_of(arguments) == MeshError::included) {
-      mesh = mesh_shift_of(problem, fit, frames, uncertainty, arguments.trial);
-      UncertaintyOptions with_mesh;
-      with_mesh.systematic = mesh_half_widths(mesh.shift);
-      uncertainty = estimate_uncertainty(problem, fit.scaled, parts, with_mesh);
-    }
-    add_uncertainty(uncertainty, report);
-    add_mesh_remark(mesh, report);
+  const std::vector<CostPart>& frames = sure.frames;
+  if (sure.uncertainty) {
+    add_uncertainty(*sure.uncertainty, report);
+    add_mesh_remark(sure.mesh, report);
   }
   if (!frames.empty() && !arguments.no_variability && fit.variability.empty())
     add_variability(problem, fit, frames, report);
   std::vector<std::string> names;
   for (const Capture& capture : captures) names.push_back(capture.name);
   MechanicalBeside::Shown shown;
-  if (tests) shown = tests->show(fit.fabric, uncertainty.parameters, uncertainty.correlation);
+  if (tests) {
+    const Uncertainty known = sure.uncertainty.value_or(Uncertainty{});
+    shown = tests->show(fit.fabric, known.parameters, known.correlation);
+  }
   for (const ReportMechanical& test : shown.report.captures) names.push_back(test.name);
   report.title = fmt::format("Fit of {}", fmt::join(names, ", "));
   report.command = command_line();
@@ -383,12 +393,13 @@ void run(const Arguments& arguments) {
                             : "least squares through the motion, then simulated annealing";
   report.threads = arguments.trial.threads() ? arguments.trial.threads() : hardware_threads();
   report.settings = settings(arguments, arguments.trial.options());
+  if (sure.uncertainty)
+    report.settings.emplace_back(std::string(intervals_setting),
+                                 interval_contents(mesh_error_of(arguments), sure.mesh));
   if (tests)
     report.settings.emplace_back(kMechanicalSetting,
                                  fmt::format("{}", fmt::join(arguments.tests, ", ")));
-  report.settings.emplace_back(std::string(intervals_setting),
-                               interval_contents(mesh_error_of(arguments), mesh));
-  write_text(out / "result.json", result_text(report, problem, fit, mesh, shown));
+  write_text(out / "result.json", result_text(report, problem, fit, sure.mesh, shown));
   write_report_html(out / "report.html", report, pictures, shown.report);
   print_result(fit, report, evaluations);
   for (const std::string& line : shown.lines) fmt::print("{}", line);
