@@ -77,6 +77,60 @@ INSTANTIATE_TEST_SUITE_P(Meshes, HeavyCantilever,
                                   std::to_string(info.param.cells);
                          });
 
+/// Tip of a heavy strip of unit length and rigidity whose width falls to zero at the tip, clamped
+/// level: ((1 - t) theta')' + load / 2 (1 - t)^2 cos theta = 0, by shooting.
+double narrowing_strip_deflection(double load) {
+  constexpr int kSteps = 20000;
+  constexpr double h = 1.0 / kSteps;
+  double deflection = 0;
+  const auto moment_left = [&](double root_curvature) {
+    double angle = 0, moment = root_curvature;
+    deflection = 0;
+    for (int i = 0; i + 1 < kSteps; ++i) {  // the midpoint rule
+      const double left = 1 - i * h, middle = left - 0.5 * h;
+      const double half_angle = angle + 0.5 * h * moment / left;
+      const double half_moment = moment - 0.25 * h * load * left * left * std::cos(angle);
+      angle += h * half_moment / middle;
+      moment -= 0.5 * h * load * middle * middle * std::cos(half_angle);
+      deflection += h * std::sin(half_angle);
+    }
+    return moment;
+  };
+  double lower = 0, upper = load;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = 0.5 * (lower + upper);
+    (moment_left(middle) > 0 ? upper : lower) = middle;
+  }
+  return deflection;
+}
+
+// A corner of a square, held along the diagonal, bends about a line at 45 degrees to the grid. Half
+// a cell of the zigzag that holds it gives way; equal diagonals would be 46 % off on 8 cells, and a
+// curvature for each triangle 32 %.
+TEST(SolveStatic, ACornerThatHangsBendsAsAPlateDoes) {
+  const double side = 0.2, density = 0.2, load = 10, length = side / std::sqrt(2.0);
+  const double bend = density * kGravity * std::pow(length, 3) / load;
+  const double expected = length * narrowing_strip_deflection(load);
+  for (const int cells : {8, 16}) {
+    const TriangleMesh mesh = make_swatch(side, side, cells + 1, cells + 1);
+    const ClothModel model(mesh,
+                           make_fabric({.stretch = 1e8 * bend, .shear = 5e7 * bend, .bend = bend}),
+                           density, Vec3(0, 0, -kGravity));
+    Points start = place(mesh, [](double u, double v) { return Vec3(u, v, 0); });
+    std::vector<PointFixture> fixtures;
+    for (int i = 0; i < mesh.vertex_count(); ++i) {
+      const double beyond = (mesh.material.col(i).sum() - side) / std::sqrt(2.0);
+      if (beyond < 1e-9)
+        fixtures.push_back(hold(i, start));
+      else
+        start(2, i) = -0.3 * beyond * beyond / length;
+    }
+    const StaticResult result = solve_static(model, start, fixtures, 0);
+    ASSERT_TRUE(result.converged);
+    EXPECT_NEAR(-result.x(2, mesh.vertex_count() - 1), expected, 0.05 * expected) << cells;
+  }
+}
+
 TEST(Elastica, AgreesWithLinearBeamTheoryAndWithAVerticalRope) {
   // The oracle itself: w = rho g L^4 / (8 B) for small loads; nearly all of the length for large
   // ones.
