@@ -9,7 +9,8 @@ build: setup ## the program at build/weft
 	@scripts/build release
 test: build  ## the release build and its tests
 	@ctest --test-dir build --output-on-failure --no-tests=error -j2
-check: setup ## sanitizers, formatting, lint
+check:       ## sanitizers, formatting, lint
+	@scripts/setup check
 	@scripts/check
 demo: build  ## fit the bundled capture and say where the report is
 	@scripts/demo

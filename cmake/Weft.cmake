@@ -9,6 +9,10 @@ target_compile_options(weft_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-
                        $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds>
                        $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overread>
                        $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
+# Clang counts changes of sign among conversions (GCC does not, in C++), and warns of vectors in the
+# arguments of functions that another program could call.
+target_compile_options(weft_flags INTERFACE $<$<CXX_COMPILER_ID:Clang>:-Wno-sign-conversion>
+                       $<$<CXX_COMPILER_ID:Clang>:-Wno-psabi>)
 if(WEFT_NATIVE)
   target_compile_options(weft_flags INTERFACE -march=native)
 endif()
@@ -19,8 +23,10 @@ if(WEFT_SANITIZE)
                          -fno-sanitize-recover=all)
   if(WEFT_SANITIZE MATCHES undefined)
     # A check at every access through a pointer, 40 % of the build: AddressSanitizer stops at null and
-    # beyond an object as well, and Eigen asserts its own alignment.
-    target_compile_options(weft_flags INTERFACE -fno-sanitize=null,object-size,alignment,vptr)
+    # beyond an object as well, and Eigen asserts its own alignment (and takes blocks of no columns of
+    # matrices without memory, which is arithmetic on null).
+    target_compile_options(weft_flags INTERFACE
+                           -fno-sanitize=null,object-size,alignment,vptr,pointer-overflow)
   endif()
   target_link_options(weft_flags INTERFACE -fsanitize=${WEFT_SANITIZE})
 endif()

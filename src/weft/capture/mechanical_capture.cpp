@@ -19,7 +19,6 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
-constexpr Range kAnyNumber{-kInfinity, kInfinity};
 constexpr Range kGrainAngle{-360, 360};  // degrees
 constexpr double kOnSwatch = 1e-6;       // m
 constexpr double kSamePoint = 1e-9;      // m

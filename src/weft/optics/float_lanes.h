@@ -50,7 +50,7 @@ inline FloatLanes floor_of(FloatLanes a) {
   constexpr float kAllWhole = 8388608;  // 2^23: from there on every float is a whole number
   const FloatLanes cut = to_float(to_int(a));
   const FloatLanes whole = cut > a ? cut - 1 : cut;
-  return (a > -kAllWhole) & (a < kAllWhole) ? whole : a;
+  return ((a > -kAllWhole) & (a < kAllWhole)) ? whole : a;
 }
 
 }  // namespace weft

@@ -28,7 +28,7 @@ class StripeFilter {
   /// Integral from 0 to t (in periods) of light - mean: periodic.
   FloatLanes deviation(FloatLanes t) const {
     FloatLanes entry = (t - floor_of(t)) * kEntries;
-    entry = (entry >= 0) & (entry <= kEntries) ? entry : FloatLanes{};  // not finite: anywhere
+    entry = ((entry >= 0) & (entry <= kEntries)) ? entry : FloatLanes{};  // not finite: anywhere
     const IntLanes place = to_int(entry);
     const FloatLanes before = float_lanes([&](int k) { return table_.data()[place[k]]; });
     const FloatLanes after = float_lanes([&](int k) { return table_.data()[place[k] + 1]; });

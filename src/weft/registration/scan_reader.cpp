@@ -176,7 +176,7 @@ void read_picture(const fs::path& path, ScanTexture& texture) {
   texture.pixels.resize(3, static_cast<Eigen::Index>(picture.total()));
   for (int i = 0; i < picture.rows; ++i) {
     for (int j = 0; j < picture.cols; ++j) {
-      const cv::Vec3b bgr = picture.at<cv::Vec3b>(i, j);
+      const cv::Vec3b& bgr = picture.at<cv::Vec3b>(i, j);
       texture.pixels.col(i * picture.cols + j) = Eigen::Vector3f(bgr[2], bgr[1], bgr[0]) / 255;
     }
   }

@@ -104,7 +104,7 @@ inline DihedralAngle<T> dihedral_angle(const Vector3<T>& x0, const Vector3<T>& x
   const Vector3<T> normal_a = cross(e, to_a), normal_b = cross(to_b, e);
   const T ee = dot(e, e), aa = dot(normal_a, normal_a), bb = dot(normal_b, normal_b);
   const T least = broadcast<T>(1e-20) * ee;
-  const auto valid = (aa > least * dot(to_a, to_a)) & (bb > least * dot(to_b, to_b));
+  const auto valid = both(aa > least * dot(to_a, to_a), bb > least * dot(to_b, to_b));
   // Where the hinge is degenerate, ones keep the arithmetic finite until everything is set to zero.
   const T length_squared = select(valid, ee, one);
   const T inverse_squared = one / length_squared;

@@ -34,6 +34,10 @@ inline T broadcast(double value) {
 inline double select(bool condition, double a, double b) { return condition ? a : b; }
 inline Lanes select(LaneMask condition, Lanes a, Lanes b) { return condition ? a : b; }
 
+/// Where both hold.
+inline bool both(bool a, bool b) { return a && b; }
+inline LaneMask both(LaneMask a, LaneMask b) { return a & b; }
+
 inline double square_root(double a) { return std::sqrt(a); }
 inline Lanes square_root(Lanes a) {
 #if defined(__AVX512F__)
