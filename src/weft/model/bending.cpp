@@ -41,6 +41,15 @@ void project_out(std::vector<Vec3> directions, Mat3& map) {
   }
 }
 
+/// Gives `element` the map from angles to curvature components, with what `rim` asks of the angles
+/// on the rim, which the element lists already.
+void set_map(BendingElement& element, Mat3 map, RimAngles rim) {
+  if (rim == RimAngles::projected) project_out(element.rim, map);
+  for (std::size_t k = 0; k < 3; ++k)
+    for (std::size_t j = 0; j < 3; ++j)
+      element.map.r[k][j] = map(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(j));
+}
+
 BendingElement make_element(const TriangleMesh& mesh, int triangle, RimAngles rim,
                             const std::map<Edge, std::vector<int>>& all_apexes) {
   const auto& t = mesh.triangles[at(triangle)];
@@ -62,28 +71,25 @@ BendingElement make_element(const TriangleMesh& mesh, int triangle, RimAngles ri
       element.rim.push_back(direction);
     }
   }
-  if (rim == RimAngles::projected) project_out(element.rim, map);
-  for (std::size_t k = 0; k < 3; ++k)
-    for (std::size_t j = 0; j < 3; ++j)
-      element.map.r[k][j] = map(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(j));
+  set_map(element, map, rim);
   return element;
 }
 
 /// Corners in counter-clockwise order.
 using Rectangle = std::array<int, 4>;
 
-/// Side of a right angle over which rounding of the coordinates may tilt it.
+/// What rounding of the coordinates may leave of the cosine of a right angle, and between points
+/// that are the same, in lengths of a cell.
 constexpr double kRounding = 1e-9;
 
-/// The corner of triangle `t` with a right angle, 0 to 2, or -1.
-int right_angle(const TriangleMesh& mesh, const std::array<int, 3>& t) {
+/// The corner of triangle `t` with a right angle.
+std::optional<std::size_t> right_angle(const TriangleMesh& mesh, const std::array<int, 3>& t) {
   for (std::size_t j = 0; j < 3; ++j) {
     const Vec2 to_next = mesh.material.col(t[(j + 1) % 3]) - mesh.material.col(t[j]);
     const Vec2 to_last = mesh.material.col(t[(j + 2) % 3]) - mesh.material.col(t[j]);
-    if (std::abs(to_next.dot(to_last)) <= kRounding * to_next.norm() * to_last.norm())
-      return static_cast<int>(j);
+    if (std::abs(to_next.dot(to_last)) <= kRounding * to_next.norm() * to_last.norm()) return j;
   }
-  return -1;
+  return std::nullopt;
 }
 
 /// The rectangles of which `mesh` consists, each of two triangles; empty if there are others.
@@ -92,9 +98,9 @@ std::vector<Rectangle> rectangles(const TriangleMesh& mesh,
   std::vector<Rectangle> out;
   std::size_t paired = 0;
   for (const auto& t : mesh.triangles) {
-    const int j = right_angle(mesh, t);
-    if (j < 0) return {};
-    const int corner = t[at(j)], next = t[at((j + 1) % 3)], last = t[at((j + 2) % 3)];
+    const auto right = right_angle(mesh, t);
+    if (!right) return {};
+    const int corner = t[*right], next = t[(*right + 1) % 3], last = t[(*right + 2) % 3];
     const auto& opposite = all_apexes.at(edge(next, last));
     if (opposite.size() != 2) return {};
     const int across = opposite[0] == corner ? opposite[1] : opposite[0];
@@ -111,8 +117,8 @@ std::vector<Rectangle> rectangles(const TriangleMesh& mesh,
 /// The rectangles at each of their sides.
 using Sides = std::map<Edge, std::vector<const Rectangle*>>;
 
-/// The vertex that goes on from `from` straight through `corner` into the rectangle across the side
-/// from `corner` to `side`; none at the rim.
+/// The vertex beyond the side from `corner` to `side`, seen from `rectangle`: in the rectangle
+/// across, the neighbour of `corner` that is not `side`; none at the rim.
 std::optional<int> straight_on(const Sides& sides, const Rectangle* rectangle, int corner,
                                int side) {
   for (const Rectangle* other : sides.at(edge(corner, side))) {
@@ -149,10 +155,7 @@ BendingElement corner_element(const TriangleMesh& mesh, const Sides& sides,
   map.col(1) = Vec3(2 * n1.x() * n2.x(), 2 * n1.y() * n2.y(),
                     std::numbers::sqrt2 * (n1.x() * n2.y() + n1.y() * n2.x())) /
                (to_right - to_up).norm();
-  if (rim == RimAngles::projected) project_out(element.rim, map);
-  for (std::size_t r = 0; r < 3; ++r)
-    for (std::size_t j = 0; j < 3; ++j)
-      element.map.r[r][j] = map(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(j));
+  set_map(element, map, rim);
   return element;
 }
 
