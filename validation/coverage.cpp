@@ -119,12 +119,9 @@ class Study {
     const std::vector<PatchPart> parts = linearize_patches(problem, fit.x, linearization());
     const Uncertainty scatter = estimate_uncertainty(problem, fit.x, parts);
     // On the mesh of the truth there is no error of the mesh.
-    const MeshShift mesh = same ? MeshShift{}
-                                : find_mesh_shift(problem, fit.x, frames_of(parts),
-                                                  scatter.dispersion, linearization());
-    UncertaintyOptions with_mesh;
-    with_mesh.systematic = mesh_half_widths(mesh.shift);
-    const Uncertainty uncertainty = estimate_uncertainty(problem, fit.x, parts, with_mesh);
+    const auto [uncertainty, mesh] =
+        same ? UncertaintyWithMesh{scatter, {}}
+             : estimate_uncertainty_with_mesh(problem, fit.x, parts, linearization());
     const double gain = fit.cost / evaluate_cost(problem, true_scaled, linearization()).cost;
     Rows rows;
     const auto add_parts = [&](const char* kind, const std::vector<CostPart>& sums) {

@@ -35,8 +35,10 @@ MechanicalBeside::Shown MechanicalBeside::show(const Fabric& estimate,
                                                const std::vector<ParameterInterval>& intervals,
                                                const MatX& correlation) const {
   auto frames = simulate_mechanical(trials_, estimate, MechanicalDerivatives::all, threads_);
-  const MechanicalFitResult at_estimate = assess_mechanical(*problem_, estimate);
-  add_cord_friction(trials_, at_estimate.cord_friction, frames);
+  std::vector<CordFrictionEstimate> cord_friction;
+  if (!problem_->with_friction().empty())
+    cord_friction = assess_mechanical(*problem_, estimate).cord_friction;
+  add_cord_friction(trials_, cord_friction, frames);
   std::vector<MechanicalEvaluation> evaluations;
   Shown shown;
   shown.json = nlohmann::json::array();
@@ -45,12 +47,12 @@ MechanicalBeside::Shown MechanicalBeside::show(const Fabric& estimate,
     nlohmann::json entry = mechanical_json(evaluations.back());
     entry["name"] = captures_[i].name;
     entry["folder"] = captures_[i].folder.string();
-    entry["cord_friction"] = cord_friction_json(at_estimate.cord_friction, i);
+    entry["cord_friction"] = cord_friction_json(cord_friction, i);
     shown.json.push_back(entry);
     shown.lines.push_back(fmt::format("{}: {}\n{}", captures_[i].name, summary(evaluations[i]),
                                       complaints(evaluations[i])));
   }
-  shown.lines.push_back(cord_friction_lines(at_estimate.cord_friction));
+  shown.lines.push_back(cord_friction_lines(cord_friction));
   shown.report =
       report_of_mechanical(trials_, frames, evaluations, estimate, intervals, correlation);
   return shown;

@@ -5,6 +5,7 @@
 
 #include "weft/estimate/linearize_trial.h"
 #include "weft/estimate/mesh_error.h"
+#include "weft/estimate/uncertainty.h"
 
 namespace weft {
 
@@ -19,5 +20,16 @@ std::shared_ptr<const Trial> refined(const Trial& trial);
 MeshShift find_mesh_shift(const Problem& problem, const VecX& scaled,
                           const std::vector<CostPart>& parts, double dispersion,
                           const LinearizationOptions& options = {});
+
+/// Intervals that hold what noise and the mesh do.
+struct UncertaintyWithMesh {
+  Uncertainty uncertainty;
+  MeshShift mesh;
+};
+
+/// Of the estimate at `scaled`, whose linearization has these parts (at least two frames).
+UncertaintyWithMesh estimate_uncertainty_with_mesh(const Problem& problem, const VecX& scaled,
+                                                   const std::vector<PatchPart>& parts,
+                                                   const LinearizationOptions& options = {});
 
 }  // namespace weft
