@@ -212,9 +212,11 @@ void print_friction(const Arguments& arguments, const Trials& trials, const Curv
 
 void print_stages(const CurveFitResult& found) {
   for (const CurveFitStage& stage : found.stages)
-    fmt::print("    pass {} {:<26} {:>12.5g} -> {:>10.5g}  {:>3} evaluations {:>6.1f} s{}\n",
-               stage.pass, stage.name, stage.cost_start, stage.cost, stage.evaluations,
-               stage.wall_s, stage.kept ? "" : "  not kept");
+    fmt::print(
+        "    pass {} {:<26} {:>12.5g} -> {:>10.5g} (halved cells {:>10.5g})  {:>3} evaluations "
+        "{:>6.1f} s{}\n",
+        stage.pass, stage.name, stage.cost_start, stage.cost, stage.finer_cost, stage.evaluations,
+        stage.wall_s, stage.kept ? "" : "  not kept");
 }
 
 void recovery(const Arguments& arguments, const std::string& name, FitOrder order) {

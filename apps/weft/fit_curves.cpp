@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "mechanical.h"
 #include "weft/base/error.h"
@@ -100,6 +101,7 @@ void add_curves(const CurveFitResult& fit, nlohmann::json& result) {
                       {"kept", stage.kept},
                       {"error_initial", json_number(stage.cost_start)},
                       {"error", json_number(stage.cost)},
+                      {"error_on_halved_cells", json_number(stage.finer_cost)},
                       {"evaluations", stage.evaluations},
                       {"wall_s", stage.wall_s}});
   result["stages"] = stages;
@@ -108,9 +110,12 @@ void add_curves(const CurveFitResult& fit, nlohmann::json& result) {
 std::string stage_lines(const CurveFitResult& fit) {
   std::string text;
   for (const CurveFitStage& stage : fit.stages)
-    text += fmt::format("{:<28} error {:>10.5g}, at its start {:>10.5g}; {} evaluations{}\n",
-                        stage.name, stage.cost, stage.cost_start, stage.evaluations,
-                        stage.kept ? "" : "; not kept");
+    text += fmt::format("{:<28} error {:>10.5g}, at its start {:>10.5g}{}; {} evaluations{}\n",
+                        stage.name, stage.cost, stage.cost_start,
+                        std::isfinite(stage.finer_cost)
+                            ? fmt::format(", on halved cells {:.5g}", stage.finer_cost)
+                            : "",
+                        stage.evaluations, stage.kept ? "" : "; not kept");
   if (!fit.without_test.empty())
     text += fmt::format("not searched, no capture isolates them: {}\n",
                         fmt::join(fit.without_test, ", "));

@@ -137,6 +137,39 @@ TEST(FitCurves, VariantsHaveFewerNumbers) {
   EXPECT_LE(curves.fit.cost, both.fit.cost * 1.0001);
 }
 
+// Of a constant, on finer cells than the fit's: the curve that the fit's cells ask for is theirs.
+TEST(FitCurves, WhatPaysOnTheCellsOfTheFitAloneIsNotKept) {
+  const test::TemporaryFolder folder;
+  Fabric truth = Fabric::with_defaults("constant", "stvk-diagonal");
+  truth.areal_density = 0.2;
+  truth.set("warp_bend", 3e-5);
+  RigOptions rig = small_rig();
+  rig.mesh.cells = 12;
+  MechanicalOptions mesh;
+  mesh.cells = 6;
+  const Trials trials{prepare_mechanical(
+      make_rig_capture(folder.path() / "bend", RigTest::warp_bend, truth, rig), mesh)};
+  CurveFitOptions options;
+  options.shape = CurveShape::subdivided;
+  options.most_points = 2;
+  options.passes = 1;
+  const auto fit = [&](MeshError mesh_error) {
+    options.fit.mesh_error = mesh_error;
+    return fit_curves(trials, truth, {"warp_bend"}, options);
+  };
+  const CurveFitResult by_its_cells = fit(MeshError::left_out), found = fit(MeshError::included);
+  ASSERT_EQ(by_its_cells.stages.size(), 2u);
+  EXPECT_TRUE(by_its_cells.stages[1].kept);
+  EXPECT_TRUE(std::isnan(by_its_cells.stages[1].finer_cost));
+  ASSERT_EQ(found.stages.size(), 2u);
+  EXPECT_FALSE(found.stages[1].kept);
+  // Half of the cost on the fit's cells, nothing on halved ones.
+  EXPECT_EQ(found.stages[1].cost, by_its_cells.stages[1].cost);
+  EXPECT_LT(found.stages[1].cost, 0.6 * found.stages[0].cost);
+  EXPECT_GT(found.stages[1].finer_cost, 0.99 * found.stages[0].finer_cost);
+  EXPECT_EQ(found.fit.fabric.value_count("warp_bend"), 1);
+}
+
 TEST(FitCurves, RefusesWhatMeansNothing) {
   const test::TemporaryFolder folder;
   const Fabric fabric = nonlinear_fabric();

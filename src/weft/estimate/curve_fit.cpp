@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "weft/base/error.h"
 #include "weft/estimate/component_strains.h"
@@ -299,8 +300,14 @@ class CurveFitter {
     const std::string name =
         points > 1 ? fmt::format("{}, {} points", group.name, points) : group.name;
     MechanicalFitResult found = fit(group, from, name);
-    result_.stages.push_back(
-        {name, pass, points, true, found.cost_start, found.cost, found.evaluations, found.wall_s});
+    result_.stages.push_back({.name = name,
+                              .pass = pass,
+                              .points = points,
+                              .kept = true,
+                              .cost_start = found.cost_start,
+                              .cost = found.cost,
+                              .evaluations = found.evaluations,
+                              .wall_s = found.wall_s});
     for (MechanicalFitStep step : found.history) {
       step.evaluation += result_.fit.evaluations;
       result_.fit.history.push_back(step);
@@ -335,11 +342,49 @@ class CurveFitter {
       Fabric finer = fabric_;
       if (!place_points(group, points, finer)) return;
       const MechanicalFitResult found = stage(group, finer, 1, points);
-      result_.stages.back().kept = cost - found.cost >= options_.least_reduction * cost;
-      if (!result_.stages.back().kept) return;
+      const std::size_t place = result_.stages.size() - 1;
+      result_.stages[place].kept =
+          pays(cost, found.cost) && pays_on_finer_cells(group, place, found);
+      if (!result_.stages[place].kept) return;
       cost = found.cost;
       fabric_ = found.fabric;
     }
+  }
+
+  bool pays(double before, double after) const {
+    return before - after >= options_.least_reduction * before;
+  }
+
+  /// Of the stage at `place`, which ended at `found`, against the one before. Where it cannot be
+  /// told the cells of the fit decide.
+  bool pays_on_finer_cells(const Group& group, std::size_t place,
+                           const MechanicalFitResult& found) {
+    if (options_.fit.mesh_error == MeshError::left_out || stopped_) return true;
+    double& before = result_.stages[place - 1].finer_cost;
+    double& after = result_.stages[place].finer_cost;
+    if (std::isnan(before)) before = cost_on_finer_cells(group, fabric_);
+    if (std::isnan(before)) return true;
+    after = cost_on_finer_cells(group, found.fabric);
+    return std::isnan(after) || pays(before, after);
+  }
+
+  /// The least that the rows of `group` reach there, to second order about `estimate`.
+  double cost_on_finer_cells(const Group& group, const Fabric& estimate) {
+    const double unknown = std::numeric_limits<double>::quiet_NaN();
+    const MechanicalProblem here = problem(group, estimate);
+    std::optional<MechanicalProblem> finer;
+    try {
+      finer.emplace(here.refined());
+    } catch (const Error&) {
+      return unknown;  // more cells than may be
+    }
+    const VecX scaled = finer->scaled(estimate);
+    const std::size_t before = finer->replayed();
+    const QuadraticModel model = finer->linearize(scaled).model;
+    ++result_.fit.evaluations;
+    result_.fit.replayed += finer->replayed() - before;
+    if (!std::isfinite(model.cost)) return unknown;
+    return least_cost(scaled, model, 2 / static_cast<double>(here.residual_count()));
   }
 
   /// Equidistant over the strains that occur. False where no row of the group takes any.

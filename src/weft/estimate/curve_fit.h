@@ -3,6 +3,7 @@
 /// sections 5.2 and 6): component by component or all at once, with curves that are subdivided as
 /// far as the measurement asks for it, in four variants.
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -41,10 +42,13 @@ struct CurveFitOptions {
   FitOrder order = FitOrder::incremental;
   CurveShape shape = CurveShape::as_given;
   ThreadSymmetry symmetry = ThreadSymmetry::orthotropic;
-  int most_points = 5;            ///< control points of a subdivided curve, 1 to 8
-  double least_reduction = 0.01;  ///< of the cost, that one more control point must bring; [0, 1)
-  int passes = 2;                 ///< of the incremental order, >= 1
-  MechanicalCostOptions cost;     ///< without ties; `forces` is chosen by the order
+  int most_points = 5;  ///< control points of a subdivided curve, 1 to 8
+  /// Of the cost, that one more control point must bring; [0, 1). Where fit.mesh_error is included
+  /// it must bring as much on cells of half the width, in the least cost to second order about the
+  /// estimate: what pays on the cells of the fit alone follows their error.
+  double least_reduction = 0.01;
+  int passes = 2;              ///< of the incremental order, >= 1
+  MechanicalCostOptions cost;  ///< without ties; `forces` is chosen by the order
   MechanicalFitOptions fit;
   int threads = 0;
   /// Evaluations are taken from there, or added; null: none are kept. Of fit_fingerprint().
@@ -60,6 +64,9 @@ struct CurveFitStage {
   /// the parameters are those of before.
   bool kept = false;
   double cost_start = 0, cost = 0;
+  /// On cells of half the width, where that was asked; else, and where it is not known, not a
+  /// number.
+  double finer_cost = std::numeric_limits<double>::quiet_NaN();
   std::size_t evaluations = 0;
   double wall_s = 0;
 };

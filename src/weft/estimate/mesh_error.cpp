@@ -57,6 +57,11 @@ VecX mesh_shift(const VecX& scaled, const QuadraticModel& here, const QuadraticM
   return gauss_newton_step(scaled, finer, noise) - gauss_newton_step(scaled, here, noise);
 }
 
+double least_cost(const VecX& scaled, const QuadraticModel& model, double noise) {
+  const VecX step = gauss_newton_step(scaled, model, noise);
+  return model.cost + model.gradient.dot(step) + 0.5 * step.dot(model.hessian * step);
+}
+
 VecX mesh_half_widths(const VecX& shift) { return kMeshLimit * shift.cwiseAbs(); }
 
 }  // namespace weft

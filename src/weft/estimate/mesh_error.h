@@ -28,6 +28,9 @@ struct MeshShift {
 VecX mesh_shift(const VecX& scaled, const QuadraticModel& here, const QuadraticModel& finer,
                 double noise);
 
+/// Least cost of the model within the ranges, over the directions that count for mesh_shift().
+double least_cost(const VecX& scaled, const QuadraticModel& model, double noise);
+
 /// Of a problem with refined() and linearize(), whose linearization at `scaled` is `here`. Unknown
 /// where the finer cells would be more than may be, and where no equilibrium is found.
 template <typename Problem>
