@@ -229,12 +229,6 @@ void conclude(const std::filesystem::path& out) {
   if (!chart.bars.empty()) write_plot(out / "coverage.svg", chart);
 }
 
-int number(const std::string& option, const std::string& text, int least) {
-  const int value = std::atoi(text.c_str());
-  if (value < least) throw Error(fmt::format("{} {}: at least {} is needed", option, text, least));
-  return value;
-}
-
 Arguments read(int argc, char** argv) {
   if (argc < 2) throw Error("usage: weft_validate_coverage OUT [--recoveries N] ... (see source)");
   Arguments arguments;
@@ -262,7 +256,7 @@ Arguments read(int argc, char** argv) {
     else if (option == "--truth" && (value == "same" || value == "other" || value == "both"))
       arguments.truth = value;
     else
-      throw Error(option + " " + value + ": is not known");
+      throw Error(fmt::format("{} {}: is not known", option, value));
   }
   return arguments;
 }

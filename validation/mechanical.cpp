@@ -114,7 +114,7 @@ void truth_table(const Arguments& arguments, const std::vector<std::string>& tes
         options.cells = count;
         const auto trial = trial_of(arguments, fabric, test, options);
         const auto frames = simulate_mechanical({trial}, true_fabric(trial->capture));
-        print_difference(fabric + "_" + test, *trial, frames.front());
+        print_difference(fmt::format("{}_{}", fabric, test), *trial, frames.front());
       }
 }
 

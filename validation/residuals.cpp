@@ -241,7 +241,9 @@ void Study::derivatives() const {
     LinearizationOptions options = linearization(terms);
     options.threads = 1;
     options.simulator = [&](const Scene&, const Fabric&, const std::vector<int>&,
-                            const SimulationOptions&) { return motion; };
+                            const SimulationOptions&) -> const TrajectoryWithSensitivities& {
+      return motion;
+    };
     const Problem& p = terms.silhouette > 0 ? with : without;
     const double frames = trial_->frame_count();
     const auto timed = [&](QuadraticModel& model) {
@@ -439,9 +441,9 @@ int run(int argc, char** argv) {
   for (int i = 3; i < argc; i += 2) {
     const std::string key = argv[i], value = argv[i + 1];
     if (key == "--grid")
-      grid = std::max(3, std::atoi(value.c_str()));
+      grid = number(key, value, 3);
     else if (key == "--weight")
-      weight = std::atof(value.c_str());
+      weight = number(key, value, 0.0);
     else if (key == "--part")
       part = value;
     else

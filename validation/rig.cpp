@@ -264,11 +264,11 @@ void table(const Arguments& arguments, const std::string& name) {
 
 /// "7.5e-5,1.25e-5,3e-3,0.1": points, clips, forces, cord friction.
 RigNoise parse_noise(const std::string& text) {
-  RigNoise noise;
-  if (std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf", &noise.points, &noise.clips, &noise.forces,
-                  &noise.cord_friction) != 4)
+  const auto numbers = numbers_of(text, ',');
+  if (!numbers || numbers->size() != 4)
     throw Error(fmt::format("--noise {}: four numbers with commas are needed", text));
-  return noise;
+  const std::vector<double>& n = *numbers;
+  return {.points = n[0], .clips = n[1], .forces = n[2], .cord_friction = n[3]};
 }
 
 Arguments parse(int argc, char** argv) {

@@ -81,7 +81,7 @@ void run(int argc, char** argv) {
   for (const std::string& name : wanted)
     if (std::none_of(parts().begin(), parts().end(),
                      [&](const auto& p) { return p.first == name; }))
-      throw Error(name + " is no part; parts:" + names);
+      throw Error(fmt::format("{} is no part; parts:{}", name, names));
   for (const auto& [name, study] : parts()) {
     if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), name) == wanted.end()) continue;
     fmt::print("\n== {}\n", name);

@@ -43,7 +43,7 @@ void CurveFitArguments::add_to(CLI::App& command) {
       ->capture_default_str();
   command.add_flag("--subdivide", subdivide_,
                    "mechanical captures: stiffness curves, from one control point each to as many "
-                   "as lower the error by 1 % or more");
+                   "as lower the error by 1 % or more, on halved cells as well");
   command
       .add_option("--points", points_,
                   "mechanical captures: most control points of a curve with --subdivide")

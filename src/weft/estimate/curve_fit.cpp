@@ -318,11 +318,14 @@ class CurveFitter {
   }
 
   void fit_group(const Group& group, int pass) {
+    const bool diagonal = options_.order == FitOrder::incremental &&
+                          step_of(group.rows.front())->step == Step::diagonal;
+    if (diagonal && pass == 1) follow_other_bends(group.rows);
     int points = 1;
     for (const std::string& row : group.rows)
       points = std::max(points, may_be_curve(fabric_, row) ? fabric_.value_count(row) : 1);
     const MechanicalFitResult found = stage(group, fabric_, pass, points);
-    if (points == 1 && ends_at_a_bound(found)) {
+    if (options_.order == FitOrder::incremental && points == 1 && ends_at_a_bound(found)) {
       result_.stages.back().kept = false;
       return;
     }
@@ -334,6 +337,32 @@ class CurveFitter {
   static bool ends_at_a_bound(const MechanicalFitResult& found) {
     return std::any_of(found.intervals.begin(), found.intervals.end(),
                        [](const ParameterInterval& p) { return p.at_lower || p.at_upper; });
+  }
+
+  /// Begins rows of the diagonal bend in the proportion to the other bends that they have in the
+  /// start: these may have been found far from theirs, and tests may tell nothing of the diagonal.
+  void follow_other_bends(const std::vector<std::string>& diagonal) {
+    double way = 0, count = 0;
+    for (const std::string& row : rows_) {
+      const Step step = step_of(row)->step;
+      if (step != Step::weft_bend && step != Step::warp_bend) continue;
+      way += mean_logarithm(fabric_, row) - mean_logarithm(fabric_at_start_, row);
+      ++count;
+    }
+    if (count == 0) return;
+    for (const std::string& row : diagonal) {
+      const ParameterInfo info = fabric_.info(fabric_.value_index(row));
+      fabric_.set(row, std::clamp(fabric_at_start_.value(row) * std::exp(way / count), info.lower,
+                                  info.upper));
+    }
+  }
+
+  /// Of the values of a row.
+  static double mean_logarithm(const Fabric& fabric, const std::string& row) {
+    return fabric.values.segment(fabric.first_value(row), fabric.value_count(row))
+        .array()
+        .log()
+        .mean();
   }
 
   /// One more control point each, as long as it pays.

@@ -14,7 +14,8 @@ namespace weft {
 enum class FitOrder {
   joint,  ///< all parameters to all captures at once
   /// Weft and warp stretch, then shear (by the forces along the clips), then weft and warp bend,
-  /// then the diagonal bend, each from the captures that isolate it; then once more.
+  /// then the diagonal bend, each from the captures that isolate it; then once more. The diagonal
+  /// bend begins in the proportion to the other two that it has in the start.
   incremental
 };
 /// "joint", "incremental". Throws Error for another name.
@@ -60,8 +61,8 @@ struct CurveFitStage {
   std::string name;  ///< "shear", "weft_bend, 3 points", "all"
   int pass = 1;
   int points = 1;  ///< control points of its curve
-  /// False: one control point more than pays, or a constant that ran off to an end of its range;
-  /// the parameters are those of before.
+  /// False: one control point more than pays, or, in the incremental order, a constant that ran off
+  /// to an end of its range; the parameters are those of before.
   bool kept = false;
   double cost_start = 0, cost = 0;
   /// On cells of half the width, where that was asked; else, and where it is not known, not a
