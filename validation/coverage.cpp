@@ -238,21 +238,21 @@ Arguments read(int argc, char** argv) {
     if (i + 1 == argc) throw Error(option + ": a value is missing");
     const std::string value = argv[i + 1];
     if (option == "--recoveries")
-      arguments.recoveries = number(option, value, 0);
+      arguments.recoveries = validation::number(option, value, 0);
     else if (option == "--first")
-      arguments.first = number(option, value, 0);
+      arguments.first = validation::number(option, value, 0);
     else if (option == "--grid")
-      arguments.grid = number(option, value, 3);
+      arguments.grid = validation::number(option, value, 3);
     else if (option == "--truth-grid")
-      arguments.truth_grid = number(option, value, 3);
+      arguments.truth_grid = validation::number(option, value, 3);
     else if (option == "--frames")
-      arguments.frames = number(option, value, 2);
+      arguments.frames = validation::number(option, value, 2);
     else if (option == "--pixels")
-      arguments.pixels = number(option, value, 48);
+      arguments.pixels = validation::number(option, value, 48);
     else if (option == "--threads")
-      arguments.threads = number(option, value, 0);
+      arguments.threads = validation::number(option, value, 0);
     else if (option == "--seed")
-      arguments.seed = static_cast<std::uint64_t>(number(option, value, 0));
+      arguments.seed = static_cast<std::uint64_t>(validation::number(option, value, 0));
     else if (option == "--truth" && (value == "same" || value == "other" || value == "both"))
       arguments.truth = value;
     else

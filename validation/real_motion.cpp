@@ -142,7 +142,8 @@ int run(int argc, char** argv) {
   if (kind == "arm" && argc >= 5) {
     study_arm(argv[2], argv[3], std::vector<std::string>(argv + 4, argv + argc));
   } else if (kind == "video" && argc >= 6) {
-    study_video(argv[2], argv[3], number("SIDE", argv[4], 0.0), number("RATE", argv[5], 0.0),
+    study_video(argv[2], argv[3], validation::number("SIDE", argv[4], 0.0),
+                validation::number("RATE", argv[5], 0.0),
                 std::vector<std::string>(argv + 6, argv + argc));
   } else {
     throw Error(

@@ -441,9 +441,9 @@ int run(int argc, char** argv) {
   for (int i = 3; i < argc; i += 2) {
     const std::string key = argv[i], value = argv[i + 1];
     if (key == "--grid")
-      grid = number(key, value, 3);
+      grid = validation::number(key, value, 3);
     else if (key == "--weight")
-      weight = number(key, value, 0.0);
+      weight = validation::number(key, value, 0.0);
     else if (key == "--part")
       part = value;
     else

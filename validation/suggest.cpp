@@ -126,7 +126,7 @@ class Maker {
 int run(int argc, char** argv) {
   if (argc < 2) throw Error("usage: weft_validate_suggest OUT [REPEATS]");
   const std::filesystem::path out = argv[1];
-  const int repeats = argc > 2 ? number("REPEATS", argv[2], 2) : 6;
+  const int repeats = argc > 2 ? validation::number("REPEATS", argv[2], 2) : 6;
   std::filesystem::create_directories(out);
   Fabric fabric = Fabric::with_defaults("known");
   fabric.set("stretch_stiffness", 200);

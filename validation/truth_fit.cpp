@@ -119,7 +119,7 @@ int run(int argc, char** argv) {
   TrialOptions options;
   std::vector<std::string> start_names(argv + 3, argv + argc);
   if (start_names.size() >= 2 && start_names[0] == "--grid") {
-    options.columns = options.rows = number("--grid", start_names[1], 3);
+    options.columns = options.rows = validation::number("--grid", start_names[1], 3);
     start_names.erase(start_names.begin(), start_names.begin() + 2);
   }
   const Capture capture = read_capture(argv[1]);
