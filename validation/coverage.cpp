@@ -121,7 +121,8 @@ class Study {
     // On the mesh of the truth there is no error of the mesh.
     const auto [uncertainty, mesh] =
         same ? UncertaintyWithMesh{scatter, {}}
-             : estimate_uncertainty_with_mesh(problem, fit.x, parts, linearization());
+             : estimate_uncertainty_with_mesh(problem, fit.x, parts, scatter.dispersion,
+                                              linearization());
     const double gain = fit.cost / evaluate_cost(problem, true_scaled, linearization()).cost;
     Rows rows;
     const auto add_parts = [&](const char* kind, const std::vector<CostPart>& sums) {

@@ -305,14 +305,13 @@ Sureness sureness_of(const Problem& problem, const FitResult& fit, const TrialAr
   const std::vector<PatchPart> parts = linearize_at(problem, fit, trial);
   Sureness sure{frames_of(parts), {}, {}};
   if (sure.frames.size() < 2) return sure;
-  if (mesh_error == MeshError::left_out) {
-    sure.uncertainty = estimate_uncertainty(problem, fit.scaled, parts);
-    return sure;
-  }
+  sure.uncertainty = estimate_uncertainty(problem, fit.scaled, parts);
+  if (mesh_error == MeshError::left_out) return sure;
   fmt::print(stderr, "the same on cells and steps of half the width\n");
   LinearizationOptions options;
   options.threads = trial.threads();
-  auto with_mesh = estimate_uncertainty_with_mesh(problem, fit.scaled, parts, options);
+  auto with_mesh = estimate_uncertainty_with_mesh(problem, fit.scaled, parts,
+                                                  sure.uncertainty->dispersion, options);
   sure.uncertainty = std::move(with_mesh.uncertainty);
   sure.mesh = std::move(with_mesh.mesh);
   return sure;

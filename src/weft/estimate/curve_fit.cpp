@@ -8,7 +8,6 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "weft/base/error.h"
 #include "weft/estimate/component_strains.h"
@@ -318,9 +317,6 @@ class CurveFitter {
   }
 
   void fit_group(const Group& group, int pass) {
-    const bool diagonal = options_.order == FitOrder::incremental &&
-                          step_of(group.rows.front())->step == Step::diagonal;
-    if (diagonal && pass == 1) follow_other_bends(group.rows);
     int points = 1;
     for (const std::string& row : group.rows)
       points = std::max(points, may_be_curve(fabric_, row) ? fabric_.value_count(row) : 1);
@@ -401,19 +397,14 @@ class CurveFitter {
   double cost_on_finer_cells(const Group& group, const Fabric& estimate) {
     const double unknown = std::numeric_limits<double>::quiet_NaN();
     const MechanicalProblem here = problem(group, estimate);
-    std::optional<MechanicalProblem> finer;
-    try {
-      finer.emplace(here.refined());
-    } catch (const Error&) {
-      return unknown;  // more cells than may be
-    }
-    const VecX scaled = finer->scaled(estimate);
-    const std::size_t before = finer->replayed();
-    const QuadraticModel model = finer->linearize(scaled).model;
+    const VecX scaled = here.scaled(estimate);
+    const std::size_t before = here.replayed();
+    const auto finer = linearize_refined(here, scaled);
+    if (!finer) return unknown;  // more cells than may be
     ++result_.fit.evaluations;
-    result_.fit.replayed += finer->replayed() - before;
-    if (!std::isfinite(model.cost)) return unknown;
-    return least_cost(scaled, model, 2 / static_cast<double>(here.residual_count()));
+    result_.fit.replayed += here.replayed() - before;
+    if (!std::isfinite(finer->model.cost)) return unknown;
+    return least_cost(scaled, finer->model, residual_noise(here));
   }
 
   /// Equidistant over the strains that occur. False where no row of the group takes any.
@@ -463,8 +454,12 @@ class CurveFitter {
 
   void incremental() {
     for (int pass = 1; pass <= options_.passes; ++pass)
-      for (const Group& group : groups())
-        if (!stopped_) fit_group(group, pass);
+      for (const Group& group : groups()) {
+        if (stopped_) continue;
+        const bool diagonal = step_of(group.rows.front())->step == Step::diagonal;
+        if (diagonal && pass == 1) follow_other_bends(group.rows);
+        fit_group(group, pass);
+      }
   }
   void joint() { fit_group(everything(), 1); }
 

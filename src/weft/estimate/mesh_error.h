@@ -31,6 +31,28 @@ VecX mesh_shift(const VecX& scaled, const QuadraticModel& here, const QuadraticM
 /// Least cost of the model within the ranges, over the directions that count for mesh_shift().
 double least_cost(const VecX& scaled, const QuadraticModel& model, double noise);
 
+/// `noise` of the functions above for a problem whose cost is the mean of its squares.
+template <typename Problem>
+double residual_noise(const Problem& problem) {
+  return 2 / static_cast<double>(problem.residual_count());
+}
+
+/// At `scaled`, on cells of half the width, of a problem with refined() and linearize(). Nothing,
+/// and in `reason` why, where these would be more than may be.
+template <typename Problem>
+std::optional<typename Problem::Linearization> linearize_refined(const Problem& problem,
+                                                                 const VecX& scaled,
+                                                                 std::string* reason = nullptr) {
+  std::optional<Problem> refined;
+  try {
+    refined.emplace(problem.refined());
+  } catch (const Error& error) {
+    if (reason) *reason = error.what();
+    return std::nullopt;
+  }
+  return refined->linearize(scaled);
+}
+
 /// Of a problem with refined() and linearize(), whose linearization at `scaled` is `here`. Unknown
 /// where the finer cells would be more than may be, and where no equilibrium is found.
 template <typename Problem>
@@ -40,17 +62,11 @@ MeshShift find_mesh_shift(const Problem& problem, const VecX& scaled,
   const auto unknown = [](const std::string& reason) {
     return MeshShift{{}, "on cells of half the width, " + reason};
   };
-  std::optional<Problem> refined;
-  try {
-    refined.emplace(problem.refined());
-  } catch (const Error& error) {
-    return unknown(error.what());
-  }
-  const auto finer = refined->linearize(scaled);
-  if (!std::isfinite(finer.model.cost)) return unknown(finer.reason);
-  return {mesh_shift(scaled, here.model, finer.model,
-                     2 / static_cast<double>(problem.residual_count())),
-          {}};
+  std::string reason;
+  const auto finer = linearize_refined(problem, scaled, &reason);
+  if (!finer) return unknown(reason);
+  if (!std::isfinite(finer->model.cost)) return unknown(finer->reason);
+  return {mesh_shift(scaled, here.model, finer->model, residual_noise(problem)), {}};
 }
 
 /// What is added to the half widths of the intervals: twice the shift, where the estimate would go

@@ -73,8 +73,8 @@ MeshShift find_mesh_shift(const Problem& problem, const VecX& scaled,
 
 UncertaintyWithMesh estimate_uncertainty_with_mesh(const Problem& problem, const VecX& scaled,
                                                    const std::vector<PatchPart>& parts,
+                                                   double dispersion,
                                                    const LinearizationOptions& options) {
-  const double dispersion = estimate_uncertainty(problem, scaled, parts).dispersion;
   MeshShift mesh = find_mesh_shift(problem, scaled, frames_of(parts), dispersion, options);
   UncertaintyOptions with_mesh;
   with_mesh.systematic = mesh_half_widths(mesh.shift);

@@ -27,9 +27,11 @@ struct UncertaintyWithMesh {
   MeshShift mesh;
 };
 
-/// Of the estimate at `scaled`, whose linearization has these parts (at least two frames).
+/// Of the estimate at `scaled`, whose linearization has these parts (at least two frames) and the
+/// `dispersion` of estimate_uncertainty().
 UncertaintyWithMesh estimate_uncertainty_with_mesh(const Problem& problem, const VecX& scaled,
                                                    const std::vector<PatchPart>& parts,
+                                                   double dispersion,
                                                    const LinearizationOptions& options = {});
 
 }  // namespace weft
