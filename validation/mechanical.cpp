@@ -234,11 +234,11 @@ Arguments parse(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     if (word == "--cells" && i + 1 < argc)
-      arguments.options.cells = std::stoi(argv[++i]);
+      arguments.options.cells = validation::number<int>(word, argv[++i], 2);
     else if (word == "--pattern" && i + 1 < argc)
       arguments.options.pattern = grid_pattern_from_name(argv[++i]);
     else if (word == "--starts" && i + 1 < argc)
-      arguments.starts = static_cast<std::size_t>(std::stoi(argv[++i]));
+      arguments.starts = validation::number<std::size_t>(word, argv[++i], 0);
     else if (word == "--fabric" && i + 1 < argc)
       arguments.fabrics = {argv[++i]};
     else if (arguments.data.empty())

@@ -38,6 +38,9 @@ namespace {
 using namespace weft;
 namespace fs = std::filesystem;
 
+constexpr double kLeastSide = 1e-3;  // m
+constexpr double kLeastUnit = 1e-9;  // m
+
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
   std::sort(values.begin(), values.end());
@@ -133,7 +136,7 @@ void validate_truth(const fs::path& out, const std::vector<std::string>& words) 
   std::ofstream table(out / "truth.csv");
   table
       << "capture,frame,same_point_mean_m,same_point_max_m,off_surface_mean_m,inliers,strain_rms\n";
-  const int most = std::stoi(words.at(0));
+  const int most = validation::number<int>("FRAMES", words.at(0), 1);
   for (const std::string& folder : std::vector(words.begin() + 1, words.end())) {
     const TrueSurfaces truth(folder);
     const std::string& name = truth.capture.name;
@@ -181,7 +184,7 @@ void validate_hung(const fs::path& out, const std::vector<std::string>& words) {
   std::ofstream table(out / "hung.csv");
   table << "capture,frame,start,same_point_mean_m,same_point_max_m,cost_m4,inliers,strain_rms,"
            "unsupported\n";
-  const int frame = std::stoi(words.at(0));
+  const int frame = validation::number<int>("FRAME", words.at(0), 0);
   LinePlot plot;
   plot.title = "where each start of a registration ends, and what it costs there";
   plot.x.label = "cost, of the start that is the truth";
@@ -390,9 +393,14 @@ void print_frames(const std::string& name, const std::vector<VideoStudy::Frame>&
       1e3 * last.median, last.points, quantile(strain, 0.5));
 }
 
+/// m per unit of the clouds.
+double unit_of(const std::vector<std::string>& words) {
+  return validation::number<double>("UNIT", words.at(1), kLeastUnit);
+}
+
 void validate_video(const fs::path& out, const std::vector<std::string>& words) {
-  const std::vector<Scan> scans = read_scans(words.at(0), std::stod(words.at(1)));
-  const double side = std::stod(words.at(3));
+  const std::vector<Scan> scans = read_scans(words.at(0), unit_of(words));
+  const double side = validation::number<double>("SIDE", words.at(3), kLeastSide);
   const GridTemplate grid = make_grid_template(side, side, 32, 32);
   const Points start = read_start(words.at(2), grid);
   const auto camera = numbers_of(words.at(5), ',');
@@ -427,8 +435,8 @@ void validate_video(const fs::path& out, const std::vector<std::string>& words) 
 }
 
 void validate_partial(const fs::path& out, const std::vector<std::string>& words) {
-  const std::vector<Scan> scans = read_scans(words.at(0), std::stod(words.at(1)));
-  const double side = std::stod(words.at(2));
+  const std::vector<Scan> scans = read_scans(words.at(0), unit_of(words));
+  const double side = validation::number<double>("SIDE", words.at(2), kLeastSide);
   const GridTemplate grid = make_grid_template(side, side, 21, 21);
   // The last frame of each trial, where the cloth hangs from the gripper by a corner.
   const Vec3 u = Vec3(1, 0, -1).normalized(), v = Vec3(-1, 0, -1).normalized();

@@ -277,15 +277,15 @@ Arguments parse(int argc, char** argv) {
     const std::string word = argv[i];
     const bool more = i + 1 < argc;
     if (word == "--cells" && more)
-      arguments.options.cells = std::stoi(argv[++i]);
+      arguments.options.cells = validation::number<int>(word, argv[++i], 2);
     else if (word == "--truth-cells" && more)
-      arguments.rig.mesh.cells = std::stoi(argv[++i]);
+      arguments.rig.mesh.cells = validation::number<int>(word, argv[++i], 2);
     else if (word == "--steps" && more)
-      arguments.rig.steps = std::stoi(argv[++i]);
+      arguments.rig.steps = validation::number<int>(word, argv[++i], 1);
     else if (word == "--starts" && more)
-      arguments.starts = std::stoi(argv[++i]);
+      arguments.starts = validation::number<int>(word, argv[++i], 0);
     else if (word == "--threads" && more)
-      arguments.threads = arguments.rig.threads = std::stoi(argv[++i]);
+      arguments.threads = arguments.rig.threads = validation::number<int>(word, argv[++i], 0);
     else if (word == "--fabric" && more)
       arguments.fabrics = {argv[++i]};
     else if (word == "--model" && more)

@@ -2,11 +2,12 @@
 ///
 ///     weft_validate_scan [table1] [noise] [descriptors] [mechanical] [captures] [--data FOLDER]
 ///     [--cells N]
-///     [--pattern P] [--fine N] [--fine-pattern P] [--force-noise N] [--out FOLDER]
+///     [--pattern P] [--fine N] [--fine-pattern P] [--force-noise N] [--surface S] [--out FOLDER]
 ///
 /// table1: targets of the paper's section 4.2 on the mesh of the fit (Larionov et al. 2022, Table
 /// 1). noise: the same from a finer mesh with noise. mechanical, captures: targets that other
-/// programs made, in FOLDER/mechanical and FOLDER/captures.
+/// programs made, in FOLDER/mechanical and FOLDER/captures; of the latter the surface as "shown",
+/// or the "lattice" of its control points.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -140,20 +141,26 @@ void table1(const Arguments& arguments, bool noisy) {
   compare_unseen(fit.fabric, truth, square(arguments.cells, arguments.pattern));
 }
 
+SourceSurface surface_from_name(const std::string& name) {
+  if (name == "shown") return SourceSurface::shown;
+  if (name == "lattice") return SourceSurface::lattice;
+  throw Error(fmt::format("--surface {}: must be shown or lattice", name));
+}
+
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     if (word == "--cells" && i + 1 < argc)
-      arguments.cells = std::stoi(argv[++i]);
+      arguments.cells = validation::number<int>(word, argv[++i], 2);
     else if (word == "--fine" && i + 1 < argc)
-      arguments.fine = std::stoi(argv[++i]);
+      arguments.fine = validation::number<int>(word, argv[++i], 2);
     else if (word == "--pattern" && i + 1 < argc)
       arguments.pattern = grid_pattern_from_name(argv[++i]);
     else if (word == "--fine-pattern" && i + 1 < argc)
       arguments.fine_pattern = grid_pattern_from_name(argv[++i]);
     else if (word == "--force-noise" && i + 1 < argc)
-      arguments.force_noise = std::stod(argv[++i]);
+      arguments.force_noise = validation::number<double>(word, argv[++i], 0);
     else if (word == "--data" && i + 1 < argc)
       arguments.data = argv[++i];
     else if (word == "--fabric" && i + 1 < argc)
@@ -167,7 +174,9 @@ Arguments parse(int argc, char** argv) {
     else if (word == "--schedule" && i + 1 < argc)
       arguments.fit.schedule = scan_schedule_from_name(argv[++i]);
     else if (word == "--starts" && i + 1 < argc)
-      arguments.fit.random_starts = std::stoi(argv[++i]);
+      arguments.fit.random_starts = validation::number<int>(word, argv[++i], 0);
+    else if (word == "--surface" && i + 1 < argc)
+      arguments.surface = surface_from_name(argv[++i]);
     else if (word == "--descriptor" && i + 1 < argc)
       arguments.descriptor = descriptor_from_name(argv[++i]);
     else

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "scan_validation.h"
+#include "source_lattice.h"
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
 #include "weft/capture/mechanical_capture.h"
@@ -121,7 +122,17 @@ void fit_mechanical_fabric(const Arguments& arguments, const std::string& name) 
   }
 }
 
-/// The shape of a static video capture's true surface at its last frame.
+/// The shape of a static video capture's true surface at its last frame, or of its control points.
+Points rest_of(const Capture& from, const TruthSurface& truth, SourceSurface surface) {
+  const Points& shown = truth.frames[static_cast<std::size_t>(from.frame_count - 1)];
+  if (surface == SourceSurface::shown) return shown;
+  Points control = validation::LimitSurface(validation::grid_of(from, truth.mesh)).control(shown);
+  const auto apart = (control - shown).colwise().norm();
+  fmt::print("{}: control points {:.2f} mm from the surface in the mean, {:.2f} at most\n",
+             from.name, 1e3 * apart.mean(), 1e3 * apart.maxCoeff());
+  return control;
+}
+
 void add_rest(const std::filesystem::path& folder, const Arguments& arguments,
               std::vector<std::shared_ptr<const ScanTrial>>& trials) {
   const Capture from = read_capture(folder);
@@ -144,7 +155,7 @@ void add_rest(const std::filesystem::path& folder, const Arguments& arguments,
   }
   capture.targets = {target};
   const ScanShape shape{truth.mesh,
-                        truth.frames[static_cast<std::size_t>(frame)],
+                        rest_of(from, truth, arguments.surface),
                         VecX::Ones(truth.mesh.vertex_count()),
                         {}};
   ScanOptions options;

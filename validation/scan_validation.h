@@ -11,6 +11,12 @@
 
 namespace weft {
 
+/// Which points of a video capture's true surface are a scan.
+enum class SourceSurface {
+  shown,   ///< those of the surface that was rendered
+  lattice  ///< its control points, which are what the source's forces act on
+};
+
 struct Arguments {
   std::vector<std::string> parts;
   int cells = 24, fine = 64;
@@ -18,6 +24,7 @@ struct Arguments {
   GridPattern pattern = GridPattern::alternating;   ///< of the fit
   GridPattern fine_pattern = GridPattern::uniform;  ///< of what makes the targets
   DescriptorKind descriptor = DescriptorKind::fourier;
+  SourceSurface surface = SourceSurface::shown;
   std::filesystem::path out;  ///< captures are kept here
   std::filesystem::path data;
   std::vector<std::string> fabrics;  ///< empty: all
