@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <numbers>
 
 #include "common/energy_battery.h"
 #include "weft/base/error.h"
 #include "weft/base/random.h"
+#include "weft/mesh/grid_lines.h"
 #include "weft/model/cloth_model.h"
 
 namespace weft {
@@ -36,6 +39,15 @@ Fabric diagonals_alone() {
 
 TriangleMesh small_mesh(GridPattern pattern = GridPattern::alternating) {
   return make_swatch(3 * kSize, 2 * kSize, 4, 3, pattern);
+}
+
+/// A grid whose inner vertices were moved: no cells, one element a triangle.
+TriangleMesh mesh_without_cells() {
+  TriangleMesh mesh = make_swatch(4 * kSize, 3 * kSize, 5, 4);
+  Rng rng(11);
+  for (const int vertex : {6, 7, 8, 11, 12, 13})
+    mesh.material.col(vertex) += 0.2 * kSize * Vec2(rng.uniform() - 0.5, rng.uniform() - 0.5);
+  return mesh;
 }
 
 ClothModel model_of(const Fabric& fabric, const TriangleMesh& mesh = small_mesh()) {
@@ -71,8 +83,8 @@ Energy potential_of(const ClothModel& model, const DampingRate& damping) {
 
 TEST(Diagonals, Battery) {
   Rng rng(4);
-  for (const GridPattern pattern : {GridPattern::alternating, GridPattern::uniform}) {
-    const TriangleMesh mesh = small_mesh(pattern);
+  for (const TriangleMesh& mesh : {small_mesh(GridPattern::alternating),
+                                   small_mesh(GridPattern::uniform), mesh_without_cells()}) {
     for (const Fabric& fabric : {test_fabric(), diagonals_alone()}) {
       const ClothModel model = model_of(fabric, mesh);
       VecX history;
@@ -92,13 +104,21 @@ TEST(Diagonals, Battery) {
   }
 }
 
-/// Energy per area of the diagonals under a homogeneous deformation with columns w_u and w_v.
+/// Energy per area of the diagonals under a homogeneous deformation with columns w_u and w_v: the
+/// same on every mesh.
 double density(const Vec3& wu, const Vec3& wv) {
-  const TriangleMesh mesh = small_mesh();
   Eigen::Matrix<double, 3, 2> f;
   f << wu, wv;
-  const Points x = f * mesh.material;
-  return model_of(diagonals_alone(), mesh).elastic_energy(x) / (6 * kSize * kSize);
+  const auto on = [&](const TriangleMesh& mesh) {
+    const Points x = f * mesh.material;
+    return model_of(diagonals_alone(), mesh).elastic_energy(x) / vertex_areas(mesh).sum();
+  };
+  const double on_grid = on(small_mesh());
+  for (const TriangleMesh& mesh :
+       {make_swatch({0, 0.02, 0.05}, {0, 0.01, 0.04}, GridPattern::alternating),
+        mesh_without_cells()})
+    EXPECT_NEAR(on(mesh), on_grid, 1e-14 * kDiagonal);
+  return on_grid;
 }
 
 TEST(Diagonals, EnergyOfHomogeneousDeformations) {
@@ -113,6 +133,32 @@ TEST(Diagonals, EnergyOfHomogeneousDeformations) {
   // Shortening costs nothing, in any direction.
   EXPECT_EQ(density({0.9, 0, 0}, {0, 1, 0}), 0);
   EXPECT_EQ(density({0.9, 0, 0}, {0, 0.8, 0.1}), 0);
+}
+
+// A fold over either diagonal of a cell shortens the other one, which is slack then: it is free
+// however the cell is split. Opened by a pull at two opposite corners it is not.
+TEST(Diagonals, CellsFoldOverBothDiagonals) {
+  const TriangleMesh alternating = make_swatch(kSize, kSize, 2, 2);
+  TriangleMesh other = alternating;
+  other.triangles = {{0, 1, 2}, {1, 3, 2}};
+  if (alternating.triangles == other.triangles) other.triangles = {{0, 1, 3}, {0, 3, 2}};
+  const double half = kSize / std::numbers::sqrt2;
+  for (const TriangleMesh& mesh : {alternating, other}) {
+    const ClothModel model = model_of(diagonals_alone(), mesh);
+    for (const std::array<int, 4>& fold : {std::array{0, 3, 1, 2}, std::array{1, 2, 0, 3}}) {
+      const double angle = 0.6;  // by which both sides are raised
+      Points x(3, 4);
+      x.col(fold[0]) = Vec3(-half, 0, 0);
+      x.col(fold[1]) = Vec3(half, 0, 0);
+      x.col(fold[2]) = half * Vec3(0, -std::cos(angle), std::sin(angle));
+      x.col(fold[3]) = half * Vec3(0, std::cos(angle), std::sin(angle));
+      // Lengths at rest are known to rounding.
+      EXPECT_NEAR(model.elastic_energy(x), 0, 1e-28 * kDiagonal);
+      x.col(fold[1]).x() = 1.2 * half;  // 10 % longer from corner to corner
+      EXPECT_NEAR(model.elastic_energy(x), 0.5 * kDiagonal * kSize * kSize * 0.01,
+                  1e-14 * kDiagonal);
+    }
+  }
 }
 
 TEST(Diagonals, CoupleWeftAndWarpInTension) {

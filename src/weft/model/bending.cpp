@@ -7,28 +7,19 @@
 #include <optional>
 #include <utility>
 
+#include "weft/mesh/grid_cells.h"
+
 namespace weft {
 namespace {
 
 constexpr double kLeastTwistFactor = 0.25;
+constexpr double kRounding = 1e-9;  // of coordinates, in lengths of a cell
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 /// (n_u^2, n_v^2, sqrt(2) n_u n_v): n n^T as a vector with the same norm.
 Vec3 squared(const Vec2& n) {
   return {n.x() * n.x(), n.y() * n.y(), std::numbers::sqrt2 * n.x() * n.y()};
-}
-
-using Edge = std::pair<int, int>;
-
-Edge edge(int a, int b) { return {std::min(a, b), std::max(a, b)}; }
-
-/// For each edge, the vertices that are opposite to it.
-std::map<Edge, std::vector<int>> apexes(const TriangleMesh& mesh) {
-  std::map<Edge, std::vector<int>> out;
-  for (const auto& t : mesh.triangles)
-    for (std::size_t j = 0; j < 3; ++j) out[edge(t[j], t[(j + 1) % 3])].push_back(t[(j + 2) % 3]);
-  return out;
 }
 
 /// Removes from the columns of `map` what the angles on the rim, `directions`, can undo.
@@ -51,7 +42,7 @@ void set_map(BendingElement& element, Mat3 map, RimAngles rim) {
 }
 
 BendingElement make_element(const TriangleMesh& mesh, int triangle, RimAngles rim,
-                            const std::map<Edge, std::vector<int>>& all_apexes) {
+                            const std::map<MeshEdge, std::vector<int>>& all_apexes) {
   const auto& t = mesh.triangles[at(triangle)];
   BendingElement element;
   element.area = material_area(mesh, triangle);
@@ -62,7 +53,7 @@ BendingElement make_element(const TriangleMesh& mesh, int triangle, RimAngles ri
     const Vec2 along = mesh.material.col(b) - mesh.material.col(a);
     const double length = along.norm();
     const Vec3 direction = squared(Vec2(-along.y(), along.x()) / length);
-    const auto& opposite = all_apexes.at(edge(a, b));
+    const auto& opposite = all_apexes.at(mesh_edge(a, b));
     if (opposite.size() == 2) {
       element.vertices[3 + j] = opposite[0] == apex ? opposite[1] : opposite[0];
       map.col(static_cast<Eigen::Index>(j)) = length / (2 * element.area) * direction;
@@ -75,54 +66,14 @@ BendingElement make_element(const TriangleMesh& mesh, int triangle, RimAngles ri
   return element;
 }
 
-/// Corners in counter-clockwise order.
-using Rectangle = std::array<int, 4>;
+/// The cells at each of their sides.
+using Sides = std::map<MeshEdge, std::vector<const GridCell*>>;
 
-/// What rounding of the coordinates may leave of the cosine of a right angle, and between points
-/// that are the same, in lengths of a cell.
-constexpr double kRounding = 1e-9;
-
-/// The corner of triangle `t` with a right angle.
-std::optional<std::size_t> right_angle(const TriangleMesh& mesh, const std::array<int, 3>& t) {
-  for (std::size_t j = 0; j < 3; ++j) {
-    const Vec2 to_next = mesh.material.col(t[(j + 1) % 3]) - mesh.material.col(t[j]);
-    const Vec2 to_last = mesh.material.col(t[(j + 2) % 3]) - mesh.material.col(t[j]);
-    if (std::abs(to_next.dot(to_last)) <= kRounding * to_next.norm() * to_last.norm()) return j;
-  }
-  return std::nullopt;
-}
-
-/// The rectangles of which `mesh` consists, each of two triangles; empty if there are others.
-std::vector<Rectangle> rectangles(const TriangleMesh& mesh,
-                                  const std::map<Edge, std::vector<int>>& all_apexes) {
-  std::vector<Rectangle> out;
-  std::size_t paired = 0;
-  for (const auto& t : mesh.triangles) {
-    const auto right = right_angle(mesh, t);
-    if (!right) return {};
-    const int corner = t[*right], next = t[(*right + 1) % 3], last = t[(*right + 2) % 3];
-    const auto& opposite = all_apexes.at(edge(next, last));
-    if (opposite.size() != 2) return {};
-    const int across = opposite[0] == corner ? opposite[1] : opposite[0];
-    const Vec2 wanted =
-        mesh.material.col(next) + mesh.material.col(last) - mesh.material.col(corner);
-    const double diagonal = (mesh.material.col(last) - mesh.material.col(next)).norm();
-    if ((mesh.material.col(across) - wanted).norm() > kRounding * diagonal) return {};
-    ++paired;
-    if (corner < across) out.push_back({corner, next, across, last});
-  }
-  return paired == 2 * out.size() ? out : std::vector<Rectangle>{};
-}
-
-/// The rectangles at each of their sides.
-using Sides = std::map<Edge, std::vector<const Rectangle*>>;
-
-/// The vertex beyond the side from `corner` to `side`, seen from `rectangle`: in the rectangle
+/// The vertex beyond the side from `corner` to `side`, seen from `cell`: in the cell
 /// across, the neighbour of `corner` that is not `side`; none at the rim.
-std::optional<int> straight_on(const Sides& sides, const Rectangle* rectangle, int corner,
-                               int side) {
-  for (const Rectangle* other : sides.at(edge(corner, side))) {
-    if (other == rectangle) continue;
+std::optional<int> straight_on(const Sides& sides, const GridCell* cell, int corner, int side) {
+  for (const GridCell* other : sides.at(mesh_edge(corner, side))) {
+    if (other == cell) continue;
     const auto k = static_cast<std::size_t>(std::ranges::find(*other, corner) - other->begin());
     const int next = (*other)[(k + 1) % 4], last = (*other)[(k + 3) % 4];
     return next == side ? last : next;
@@ -130,19 +81,18 @@ std::optional<int> straight_on(const Sides& sides, const Rectangle* rectangle, i
   return std::nullopt;
 }
 
-BendingElement corner_element(const TriangleMesh& mesh, const Sides& sides,
-                              const Rectangle& rectangle, std::size_t k, double share,
-                              RimAngles rim) {
-  const int corner = rectangle[k], right = rectangle[(k + 1) % 4], up = rectangle[(k + 3) % 4];
+BendingElement corner_element(const TriangleMesh& mesh, const Sides& sides, const GridCell& cell,
+                              std::size_t k, double share, RimAngles rim) {
+  const int corner = cell[k], right = cell[(k + 1) % 4], up = cell[(k + 3) % 4];
   const Vec2 to_right = mesh.material.col(right) - mesh.material.col(corner);
   const Vec2 to_up = mesh.material.col(up) - mesh.material.col(corner);
   const Vec2 n1 = to_right.normalized(), n2 = to_up.normalized();
   BendingElement element;
   element.area = share * to_right.norm() * to_up.norm();
-  element.vertices = {corner, right, up, corner, rectangle[(k + 2) % 4], up};
+  element.vertices = {corner, right, up, corner, cell[(k + 2) % 4], up};
   Mat3 map = Mat3::Zero();
   const auto add_bend = [&](int side, const Vec2& ahead, const Vec2& n, std::size_t j) {
-    if (const auto behind = straight_on(sides, &rectangle, corner, side)) {
+    if (const auto behind = straight_on(sides, &cell, corner, side)) {
       element.vertices[3 + j] = *behind;
       const double back = (mesh.material.col(*behind) - mesh.material.col(corner)).norm();
       map.col(static_cast<Eigen::Index>(j)) = 2 / (ahead.norm() + back) * squared(n);
@@ -159,17 +109,17 @@ BendingElement corner_element(const TriangleMesh& mesh, const Sides& sides,
   return element;
 }
 
-/// Turns each rectangle so that it begins at the same corner as the first. Are all equal then?
-bool align(const TriangleMesh& mesh, std::vector<Rectangle>& cells) {
-  const auto side = [&](const Rectangle& cell, std::size_t i) -> Vec2 {
+/// Turns each cell so that it begins at the same corner as the first. Are all equal then?
+bool align(const TriangleMesh& mesh, std::vector<GridCell>& cells) {
+  const auto side = [&](const GridCell& cell, std::size_t i) -> Vec2 {
     return mesh.material.col(cell[i + 1]) - mesh.material.col(cell[i]);
   };
   const Vec2 first = side(cells[0], 0), second = side(cells[0], 1);
   const double rounding = kRounding * (first.norm() + second.norm());
-  const auto differs = [&](const Rectangle& cell) {
+  const auto differs = [&](const GridCell& cell) {
     return (side(cell, 0) - first).norm() > rounding || (side(cell, 1) - second).norm() > rounding;
   };
-  for (Rectangle& cell : cells) {
+  for (GridCell& cell : cells) {
     for (int turn = 0; turn < 3 && differs(cell); ++turn)
       std::rotate(cell.begin(), cell.begin() + 1, cell.end());
     if (differs(cell)) return false;
@@ -177,16 +127,17 @@ bool align(const TriangleMesh& mesh, std::vector<Rectangle>& cells) {
   return true;
 }
 
-std::vector<BendingElement> corner_elements(const TriangleMesh& mesh, std::vector<Rectangle> cells,
+std::vector<BendingElement> corner_elements(const TriangleMesh& mesh, std::vector<GridCell> cells,
                                             RimAngles rim) {
   // Two opposite corners are enough where all cells are equal: every vertex off the rim has two.
   const std::size_t step = align(mesh, cells) ? 2 : 1;
   Sides sides;
-  for (const Rectangle& cell : cells)
-    for (std::size_t k = 0; k < 4; ++k) sides[edge(cell[k], cell[(k + 1) % 4])].push_back(&cell);
+  for (const GridCell& cell : cells)
+    for (std::size_t k = 0; k < 4; ++k)
+      sides[mesh_edge(cell[k], cell[(k + 1) % 4])].push_back(&cell);
   std::vector<BendingElement> elements;
   elements.reserve(4 / step * cells.size());
-  for (const Rectangle& cell : cells)
+  for (const GridCell& cell : cells)
     for (std::size_t k = 0; k < 4; k += step)
       elements.push_back(
           corner_element(mesh, sides, cell, k, 0.25 * static_cast<double>(step), rim));
@@ -233,8 +184,8 @@ double twist_factor(const TriangleMesh& mesh, const std::vector<BendingElement>&
 }  // namespace
 
 std::vector<BendingElement> bending_elements(const TriangleMesh& mesh, RimAngles rim) {
-  const auto all_apexes = apexes(mesh);
-  if (auto cells = rectangles(mesh, all_apexes); !cells.empty())
+  const auto all_apexes = edge_apexes(mesh);
+  if (auto cells = grid_cells(mesh); !cells.empty())
     return corner_elements(mesh, std::move(cells), rim);
   std::vector<BendingElement> elements;
   elements.reserve(mesh.triangles.size());

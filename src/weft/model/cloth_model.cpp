@@ -7,7 +7,6 @@
 #include <cstring>
 
 #include "weft/base/error.h"
-#include "weft/model/diagonals.h"
 #include "weft/model/drag.h"
 #include "weft/model/elements.h"
 #include "weft/model/membrane.h"
@@ -17,6 +16,7 @@ namespace {
 
 using detail::BendingGroup;
 using detail::DampedStiffness;
+using detail::DiagonalGroup;
 using detail::DragLaw;
 using detail::TriangleGroup;
 using LaneIndices = std::array<int, kLanes>;
@@ -149,9 +149,29 @@ TriangleCurvature<Lanes> curvature_of(const BendingGroup& group, const Points& x
   return triangle_curvature(group.map, positions(group, x));
 }
 
-detail::DiagonalStrains<Lanes> diagonals_of(const TriangleGroup& group, const Points& x) {
-  const TrianglePositions p = positions(group, x);
-  return detail::diagonal_strains(deformation_gradient(group.shape, p.x0, p.x1, p.x2));
+/// Of the two diagonals.
+struct DiagonalStrains {
+  Stretch<Lanes> rising, falling;
+};
+
+/// The two vectors w.
+struct DiagonalVectors {
+  Vector3<Lanes> rising, falling;
+};
+DiagonalVectors diagonal_vectors(const DiagonalGroup& group, const Points& x) {
+  const Lanes none{};
+  DiagonalVectors w{{none, none, none}, {none, none, none}};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Vector3<Lanes> xi = gather(x.data(), group.vertices[i]);
+    w.rising = w.rising + group.rising[i] * xi;
+    w.falling = w.falling + group.falling[i] * xi;
+  }
+  return w;
+}
+
+DiagonalStrains strains_of(const DiagonalGroup& group, const Points& x) {
+  const DiagonalVectors w = diagonal_vectors(group, x);
+  return {diagonal_stretch(w.rising), diagonal_stretch(w.falling)};
 }
 
 void add_blocks(const detail::TriangleHessian<Lanes>& block, const TriangleGroup& group,
@@ -174,6 +194,20 @@ void add_gradient(const TriangleGroup& group, const detail::MembraneGradient<Lan
   scatter_add(g2, group.vertices[2], gradient.data());
 }
 
+/// Derivatives of the energy density by the two strains, N/m; or their rates.
+struct OfDiagonals {
+  Lanes rising, falling;
+};
+
+void add_gradient(const DiagonalGroup& group, const DiagonalStrains& c, const OfDiagonals& tension,
+                  Points& gradient) {
+  const Vector3<Lanes> rising = (group.area * tension.rising) * c.rising.direction;
+  const Vector3<Lanes> falling = (group.area * tension.falling) * c.falling.direction;
+  for (std::size_t i = 0; i < 4; ++i)
+    scatter_add(group.rising[i] * rising + group.falling[i] * falling, group.vertices[i],
+                gradient.data());
+}
+
 /// `moment`: derivative of the energy by the three curvature components.
 void add_gradient(const BendingGroup& group, const TriangleCurvature<Lanes>& curvature,
                   const std::array<Lanes, 3>& moment, Points& gradient) {
@@ -191,16 +225,9 @@ detail::MembraneTension<Lanes> strain_rates(const TriangleGroup& group,
           dot(c.w.wv, rate.wu) + dot(c.w.wu, rate.wv)};
 }
 
-/// Rates of the two strains of the diagonals.
-std::array<Lanes, 2> diagonal_rates(const TriangleGroup& group,
-                                    const detail::DiagonalStrains<Lanes>& c, const Points& v) {
-  const TrianglePositions p = positions(group, v);
-  const auto rate = deformation_gradient(group.shape, p.x0, p.x1, p.x2);
-  const Lanes one = broadcast<Lanes>(1), none{};
-  const auto along = [&](const detail::MembraneGradient<Lanes>& g) -> Lanes {
-    return dot(g.u, rate.wu) + dot(g.v, rate.wv);
-  };
-  return {along(diagonal_gradient(c, one, none)), along(diagonal_gradient(c, none, one))};
+OfDiagonals strain_rates(const DiagonalGroup& group, const DiagonalStrains& c, const Points& v) {
+  const DiagonalVectors rate = diagonal_vectors(group, v);
+  return {dot(c.rising.direction, rate.rising), dot(c.falling.direction, rate.falling)};
 }
 
 std::array<Lanes, 3> curvature_rates(const BendingGroup& group,
@@ -235,7 +262,7 @@ enum Index {
   kDiagonalDamping
 };
 
-ComponentTable component_table(const detail::Elements& elements, bool diagonals, int count) {
+ComponentTable component_table(const detail::Elements& elements, int count) {
   ComponentTable table;
   table.weight.resize(count);
   int component = 0;
@@ -249,13 +276,12 @@ ComponentTable component_table(const detail::Elements& elements, bool diagonals,
     for (int lane = 0; lane < group.count; ++lane)
       for (const int stiffness : {kStretch, kStretch, kShear})
         add(group.shape.area[lane], stiffness);
-  if (diagonals)
-    for (const TriangleGroup& group : elements.triangles)
-      for (int lane = 0; lane < group.count; ++lane) {
-        add(group.shape.area[lane], kDiagonal);
-        add(group.shape.area[lane], kDiagonal);
-        add(0, kDiagonal);  // a group of components is one of three
-      }
+  for (const DiagonalGroup& group : elements.diagonals)
+    for (int lane = 0; lane < group.count; ++lane) {
+      add(group.area[lane], kDiagonal);
+      add(group.area[lane], kDiagonal);
+      add(0, kDiagonal);  // a group of components is one of three
+    }
   for (const BendingGroup& group : elements.bending)
     for (int lane = 0; lane < group.count; ++lane)
       for (int k = 0; k < 3; ++k) add(group.area[lane], kBend);
@@ -283,7 +309,6 @@ Matrix3<Lanes> cross_matrix(const Vector3<Lanes>& a) {
 struct ClothModel::Impl {
   TriangleMesh mesh;
   std::string model;
-  bool diagonals = false;  ///< whether the model has them
   VecX values;
   ComponentTable components;
   double areal_density;
@@ -293,7 +318,7 @@ struct ClothModel::Impl {
   VecX masses;
 
   int first_diagonal() const { return 3 * mesh.triangle_count(); }
-  int first_curvature() const { return (diagonals ? 6 : 3) * mesh.triangle_count(); }
+  int first_curvature() const { return first_diagonal() + 3 * elements.diagonal_count; }
   int component_count() const { return first_curvature() + 3 * elements.bending_count; }
 
   /// Strain history of a group of triangles: of its strains, and of its curvatures.
@@ -303,17 +328,14 @@ struct ClothModel::Impl {
             load(damping.strain_history, first + 1, 3, count),
             load(damping.strain_history, first + 2, 3, count)};
   }
-  struct DiagonalTension {
-    Lanes rising, falling;
-  };
-  DiagonalTension diagonal_history(const DampingRate& damping, std::size_t group) const {
+  OfDiagonals diagonal_history(const DampingRate& damping, std::size_t group) const {
     const int first = first_diagonal() + static_cast<int>(group) * kLanes * 3;
-    const int count = elements.triangles[group].count;
+    const int count = elements.diagonals[group].count;
     return {load(damping.strain_history, first, 3, count),
             load(damping.strain_history, first + 1, 3, count)};
   }
-  DiagonalTension tension(const DampedStiffness& k, const detail::DiagonalStrains<Lanes>& c,
-                          const DampingRate& damping, std::size_t group) const {
+  OfDiagonals tension(const DampedStiffness& k, const DiagonalStrains& c,
+                      const DampingRate& damping, std::size_t group) const {
     const auto h = diagonal_history(damping, group);
     return {k.tension(c.rising.value, h.rising), k.tension(c.falling.value, h.falling)};
   }
@@ -336,7 +358,6 @@ struct ClothModel::Impl {
   }
 
   double energy(const Coefficients& k, const Points& x, const DampingRate& damping) const;
-  Lanes diagonal_energy(const Coefficients& k, const Points& x, const DampingRate& damping) const;
   void add_triangle_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
                              Points& gradient) const;
   void add_diagonal_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
@@ -368,7 +389,13 @@ double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
     sum += group.shape.area * (k.stretch.energy(c.u.value, h.u) + k.stretch.energy(c.v.value, h.v) +
                                k.shear.energy(c.shear, h.s));
   }
-  if (diagonals) sum += diagonal_energy(k, x, damping);
+  for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
+    const DiagonalGroup& group = elements.diagonals[i];
+    const auto c = strains_of(group, x);
+    const auto h = diagonal_history(damping, i);
+    sum += group.area * (k.diagonal.energy(c.rising.value, h.rising) +
+                         k.diagonal.energy(c.falling.value, h.falling));
+  }
   for (std::size_t i = 0; i < elements.bending.size(); ++i) {
     const BendingGroup& group = elements.bending[i];
     const auto c = curvature_of(group, x).value;
@@ -393,25 +420,12 @@ void ClothModel::Impl::add_triangle_gradient(const Coefficients& k, const Points
   }
 }
 
-Lanes ClothModel::Impl::diagonal_energy(const Coefficients& k, const Points& x,
-                                        const DampingRate& damping) const {
-  Lanes sum{};
-  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
-    const auto c = diagonals_of(elements.triangles[i], x);
-    const auto h = diagonal_history(damping, i);
-    sum += elements.triangles[i].shape.area * (k.diagonal.energy(c.rising.value, h.rising) +
-                                               k.diagonal.energy(c.falling.value, h.falling));
-  }
-  return sum;
-}
-
 void ClothModel::Impl::add_diagonal_gradient(const Coefficients& k, const Points& x,
                                              const DampingRate& damping, Points& gradient) const {
-  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
-    const TriangleGroup& group = elements.triangles[i];
-    const auto c = diagonals_of(group, x);
-    const auto t = tension(k.diagonal, c, damping, i);
-    add_gradient(group, diagonal_gradient(c, t.rising, t.falling), gradient);
+  for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
+    const DiagonalGroup& group = elements.diagonals[i];
+    const DiagonalStrains c = strains_of(group, x);
+    add_gradient(group, c, tension(k.diagonal, c, damping, i), gradient);
   }
 }
 
@@ -449,15 +463,26 @@ void ClothModel::Impl::add_diagonals(const Coefficients& k, const Points& x,
                                      const DampingRate& damping, HessianKind kind, Points& gradient,
                                      SparseMatrix& hessian) const {
   BlockWriter writer(hessian, elements.columns);
-  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
-    const TriangleGroup& group = elements.triangles[i];
-    const auto c = diagonals_of(group, x);
-    const auto t = tension(k.diagonal, c, damping, i);
-    add_gradient(group, diagonal_gradient(c, t.rising, t.falling), gradient);
-    add_blocks(
-        detail::by_vertices(group.shape, detail::diagonals_hessian(c, t.rising, t.falling,
-                                                                   k.diagonal.total(), kind)),
-        group, writer);
+  const double stiffness = k.diagonal.total();
+  for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
+    const DiagonalGroup& group = elements.diagonals[i];
+    const DiagonalStrains c = strains_of(group, x);
+    const OfDiagonals t = tension(k.diagonal, c, damping, i);
+    add_gradient(group, c, t, gradient);
+    const SymmetricMatrix3<Lanes> rising =
+        group.area * detail::diagonal_hessian(c.rising, t.rising, stiffness, kind);
+    const SymmetricMatrix3<Lanes> falling =
+        group.area * detail::diagonal_hessian(c.falling, t.falling, stiffness, kind);
+    const auto block = [&](std::size_t a, std::size_t b) {
+      return (group.rising[a] * group.rising[b]) * rising +
+             (group.falling[a] * group.falling[b]) * falling;
+    };
+    for (std::size_t v = 0; v < 4; ++v) writer.add(block(v, v), group.vertices[v]);
+    for (std::size_t b = 0; b < group.slots.size(); ++b) {
+      const auto [row, column] = detail::kPairs[b];
+      writer.add(block(row, column).full(), group.slots[b], group.vertices[row],
+                 group.vertices[column]);
+    }
   }
 }
 
@@ -494,16 +519,14 @@ void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& 
                                        -(k.shear.k * c.shear + k.shear.kd * rate.s)}),
                  force);
   }
-  if (diagonals)
-    for (const TriangleGroup& group : elements.triangles) {
-      const auto c = diagonals_of(group, x);
-      const auto rate = diagonal_rates(group, c, v);
-      add_gradient(
-          group,
-          diagonal_gradient(c, Lanes(-(k.diagonal.k * c.rising.value + k.diagonal.kd * rate[0])),
-                            Lanes(-(k.diagonal.k * c.falling.value + k.diagonal.kd * rate[1]))),
-          force);
-    }
+  for (const DiagonalGroup& group : elements.diagonals) {
+    const DiagonalStrains c = strains_of(group, x);
+    const OfDiagonals rate = strain_rates(group, c, v);
+    add_gradient(group, c,
+                 {-(k.diagonal.k * c.rising.value + k.diagonal.kd * rate.rising),
+                  -(k.diagonal.k * c.falling.value + k.diagonal.kd * rate.falling)},
+                 force);
+  }
   for (const BendingGroup& group : elements.bending) {
     const auto curvature = curvature_of(group, x);
     const auto rate = curvature_rates(group, curvature, v);
@@ -538,12 +561,13 @@ ClothModel::ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double ar
   impl_->mesh = mesh;
   impl_->areal_density = areal_density;
   impl_->gravity = gravity;
-  impl_->elements = detail::make_elements(mesh);
-  impl_->masses = areal_density * vertex_areas(mesh);
   require_motion_model(fabric);
   impl_->model = fabric.model;
-  impl_->diagonals = fabric.model == "baraff-witkin-diagonals";
-  impl_->components = component_table(impl_->elements, impl_->diagonals, component_count());
+  impl_->elements = detail::make_elements(mesh, fabric.model == "baraff-witkin-diagonals"
+                                                    ? detail::Diagonals::all
+                                                    : detail::Diagonals::none);
+  impl_->masses = areal_density * vertex_areas(mesh);
+  impl_->components = component_table(impl_->elements, component_count());
   set_fabric(fabric);
 }
 
@@ -584,15 +608,14 @@ void ClothModel::strains(const Points& x, VecX& c) const {
     store(s.v.value, first + 1, 3, count, c);
     store(s.shear, first + 2, 3, count, c);
   }
-  if (impl_->diagonals)
-    for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
-      const auto s = diagonals_of(elements.triangles[i], x);
-      const int first = impl_->first_diagonal() + static_cast<int>(i) * kLanes * 3;
-      const int count = elements.triangles[i].count;
-      store(s.rising.value, first, 3, count, c);
-      store(s.falling.value, first + 1, 3, count, c);
-      store(Lanes{}, first + 2, 3, count, c);
-    }
+  for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
+    const DiagonalStrains s = strains_of(elements.diagonals[i], x);
+    const int first = impl_->first_diagonal() + static_cast<int>(i) * kLanes * 3;
+    const int count = elements.diagonals[i].count;
+    store(s.rising.value, first, 3, count, c);
+    store(s.falling.value, first + 1, 3, count, c);
+    store(Lanes{}, first + 2, 3, count, c);
+  }
   for (std::size_t i = 0; i < elements.bending.size(); ++i) {
     const auto value = curvature_of(elements.bending[i], x).value;
     const int first = impl_->first_curvature() + static_cast<int>(i) * kLanes * 3;
@@ -610,7 +633,7 @@ void ClothModel::potential_gradient(const Points& x, const DampingRate& damping,
   const Coefficients k = impl_->coefficients.with_rate(damping.rate);
   impl_->set_gravity_gradient(gradient);
   impl_->add_triangle_gradient(k, x, damping, gradient);
-  if (impl_->diagonals) impl_->add_diagonal_gradient(k, x, damping, gradient);
+  impl_->add_diagonal_gradient(k, x, damping, gradient);
   impl_->add_bending_gradient(k, x, damping, gradient);
 }
 
@@ -620,7 +643,7 @@ void ClothModel::potential_hessian(const Points& x, const DampingRate& damping, 
   const Coefficients k = impl_->coefficients.with_rate(damping.rate);
   impl_->set_gravity_gradient(gradient);
   impl_->add_triangles(k, x, damping, kind, gradient, hessian);
-  if (impl_->diagonals) impl_->add_diagonals(k, x, damping, kind, gradient, hessian);
+  impl_->add_diagonals(k, x, damping, kind, gradient, hessian);
   impl_->add_bending(k, x, damping, kind, gradient, hessian);
 }
 
@@ -688,8 +711,8 @@ const VecX& ClothModel::values() const { return impl_->values; }
 
 void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) const {
   const auto& elements = impl_->elements;
-  const std::size_t groups = elements.triangles.size();
-  jacobian.triangles.resize(impl_->diagonals ? 2 * groups : groups);
+  jacobian.triangles.resize(elements.triangles.size());
+  jacobian.diagonals.resize(elements.diagonals.size());
   jacobian.bending.resize(elements.bending.size());
   for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
     const TriangleGroup& group = elements.triangles[i];
@@ -704,19 +727,16 @@ void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) cons
       out.gradient[2][vertex] = du[vertex] * c.w.wv + dv[vertex] * c.w.wu;
     }
   }
-  for (std::size_t i = 0; impl_->diagonals && i < groups; ++i) {
-    const TriangleGroup& group = elements.triangles[i];
-    auto& out = jacobian.triangles[groups + i];
+  for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
+    const DiagonalGroup& group = elements.diagonals[i];
+    auto& out = jacobian.diagonals[i];
     out.count = group.count;
     out.vertices = group.vertices;
-    const auto c = diagonals_of(group, x);
-    const Lanes one = broadcast<Lanes>(1), none{};
-    const auto rising = diagonal_gradient(c, one, none), falling = diagonal_gradient(c, none, one);
-    const auto du = group.shape.du(), dv = group.shape.dv();
-    for (std::size_t vertex = 0; vertex < 3; ++vertex) {
-      out.gradient[0][vertex] = du[vertex] * rising.u + dv[vertex] * rising.v;
-      out.gradient[1][vertex] = du[vertex] * falling.u + dv[vertex] * falling.v;
-      out.gradient[2][vertex] = {none, none, none};
+    const DiagonalStrains c = strains_of(group, x);
+    for (std::size_t vertex = 0; vertex < 4; ++vertex) {
+      out.gradient[0][vertex] = group.rising[vertex] * c.rising.direction;
+      out.gradient[1][vertex] = group.falling[vertex] * c.falling.direction;
+      out.gradient[2][vertex] = {Lanes{}, Lanes{}, Lanes{}};
     }
   }
   for (std::size_t i = 0; i < elements.bending.size(); ++i) {
@@ -777,11 +797,11 @@ double ClothModel::damping_power(const Points& x, const Points& v) const {
     power += group.shape.area *
              (k.stretch.kd * (rate.u * rate.u + rate.v * rate.v) + k.shear.kd * rate.s * rate.s);
   }
-  if (impl_->diagonals)
-    for (const TriangleGroup& group : impl_->elements.triangles) {
-      const auto rate = diagonal_rates(group, diagonals_of(group, x), v);
-      power += group.shape.area * (k.diagonal.kd * (rate[0] * rate[0] + rate[1] * rate[1]));
-    }
+  for (const DiagonalGroup& group : impl_->elements.diagonals) {
+    const OfDiagonals rate = strain_rates(group, strains_of(group, x), v);
+    power +=
+        group.area * (k.diagonal.kd * (rate.rising * rate.rising + rate.falling * rate.falling));
+  }
   for (const BendingGroup& group : impl_->elements.bending) {
     const auto rate = curvature_rates(group, curvature_of(group, x), v);
     power += group.area * k.bend.kd * (rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]);

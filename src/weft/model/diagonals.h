@@ -1,55 +1,52 @@
 #pragma once
-/// Energy of the diagonals of a triangle (diagonal.h), 1/2 area k (C_rising^2 + C_falling^2), and
-/// its damping, as a function of (w_u, w_v) like the membrane's.
+/// The diagonals of a mesh: elements with energy 1/2 area k (C_rising^2 + C_falling^2), C the
+/// elongation along either diagonal (strain/diagonal.h), and its damping.
+///
+/// **Grids**: one element a cell, with the mean of w_u and w_v over it, those of its centre:
+///
+///     w_rising = (w_u + w_v) / sqrt 2,     w_falling = (w_u - w_v) / sqrt 2,
+///
+/// which for a square cell of side h are the vectors between its opposite corners over h sqrt 2.
+///
+/// Why not one a triangle? It has one of its cell's diagonals, and would take the other from its
+/// own two legs. Where the cell is folded over that other diagonal, which costs the threads
+/// nothing, the angle between the legs closes and their sum grows: the fold locks, and which of
+/// the two folds does so depends on how the cell happens to be split.
+///
+/// **Other meshes**: one a triangle all the same.
+#include <vector>
+
+#include "weft/mesh/triangle_mesh.h"
 #include "weft/model/hessian_kind.h"
 #include "weft/model/membrane.h"
 #include "weft/strain/diagonal.h"
 
-namespace weft::detail {
+namespace weft {
 
-template <class T>
-struct DiagonalStrains {
-  Stretch<T> rising, falling;
+struct DiagonalElement {
+  std::array<int, 4> vertices;            ///< of a triangle, the last one twice
+  std::array<double, 4> rising, falling;  ///< w = sum of these times x_i, 1/m
+  double area;                            ///< m^2
 };
 
-template <class T>
-inline DiagonalStrains<T> diagonal_strains(const DeformationGradient<T>& w) {
-  return {diagonal_stretch(w, Diagonal::rising), diagonal_stretch(w, Diagonal::falling)};
-}
+/// Their areas add up to that of the mesh, which is valid.
+std::vector<DiagonalElement> diagonal_elements(const TriangleMesh& mesh);
 
-/// Derivative of the energy density by w_u and w_v for tensions (N/m) along the diagonals.
-template <class T>
-inline MembraneGradient<T> diagonal_gradient(const DiagonalStrains<T>& c, const T& rising,
-                                             const T& falling) {
-  const T scale = broadcast<T>(0.70710678118654752440);
-  const Vector3<T> r = (scale * rising) * c.rising.direction;
-  const Vector3<T> f = (scale * falling) * c.falling.direction;
-  return {r + f, r - f};
-}
+namespace detail {
 
-/// Second derivative by the vector w of one diagonal: k n n^T + t / |w| (I - n n^T).
+/// Second derivative of the energy density by w: k n n^T + t / |w| (I - n n^T), for the tension t
+/// and the stiffness k (N/m). The projected one leaves out what resists turning where the tension
+/// is negative, which damping alone can make it.
 template <class T>
-inline SymmetricMatrix3<T> diagonal_hessian(const Stretch<T>& c, const T& across,
-                                            const T& stiffness) {
-  SymmetricMatrix3<T> h = (stiffness - across) * outer(c.direction);
+inline SymmetricMatrix3<T> diagonal_hessian(const Stretch<T>& c, const T& tension, double stiffness,
+                                            HessianKind kind) {
+  const T zero = broadcast<T>(0);
+  T across = tension * c.inverse_length;
+  if (kind == HessianKind::positive_semidefinite) across = select(across > zero, across, zero);
+  SymmetricMatrix3<T> h = (broadcast<T>(stiffness) - across) * outer(c.direction);
   add_to_diagonal(across, h);
   return h;
 }
 
-/// `kind`: the projected one leaves out what resists turning where a tension is negative, which
-/// damping alone can make it.
-template <class T>
-inline MembraneHessian<T> diagonals_hessian(const DiagonalStrains<T>& c, const T& rising,
-                                            const T& falling, double stiffness, HessianKind kind) {
-  const T zero = broadcast<T>(0), half = broadcast<T>(0.5), k = broadcast<T>(stiffness);
-  T across_r = rising * c.rising.inverse_length, across_f = falling * c.falling.inverse_length;
-  if (kind == HessianKind::positive_semidefinite) {
-    across_r = select(across_r > zero, across_r, zero);
-    across_f = select(across_f > zero, across_f, zero);
-  }
-  const SymmetricMatrix3<T> r = half * diagonal_hessian(c.rising, across_r, k);
-  const SymmetricMatrix3<T> f = half * diagonal_hessian(c.falling, across_f, k);
-  return {r + f, r + f, (r + broadcast<T>(-1) * f).full()};
-}
-
-}  // namespace weft::detail
+}  // namespace detail
+}  // namespace weft

@@ -7,10 +7,12 @@ namespace {
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-BlockPattern make_pattern(const TriangleMesh& mesh, const std::vector<BendingElement>& bending) {
+BlockPattern make_pattern(const TriangleMesh& mesh, const std::vector<BendingElement>& bending,
+                          const std::vector<DiagonalElement>& diagonals) {
   BlockPattern pattern(mesh.vertex_count());
   for (const BendingElement& element : bending)  // contains the triangle
     pattern.add_element(element.vertices);
+  for (const DiagonalElement& element : diagonals) pattern.add_element(element.vertices);
   pattern.finish();
   return pattern;
 }
@@ -44,6 +46,16 @@ void place(const BendingElement& element, const BlockPattern& pattern, int lane,
   group.area[lane] = lane < group.count ? element.area : 0;
 }
 
+void place(const DiagonalElement& element, const BlockPattern& pattern, int lane,
+           DiagonalGroup& group) {
+  place_vertices(element.vertices, pattern, lane, group);
+  for (std::size_t i = 0; i < 4; ++i) {
+    group.rising[i][lane] = element.rising[i];
+    group.falling[i][lane] = element.falling[i];
+  }
+  group.area[lane] = lane < group.count ? element.area : 0;
+}
+
 /// `count` elements in groups of kLanes; the last group is filled up with the last element.
 template <class Group, class Place>
 std::vector<Group> groups(int count, const Place& place_one) {
@@ -59,10 +71,12 @@ std::vector<Group> groups(int count, const Place& place_one) {
 
 }  // namespace
 
-Elements make_elements(const TriangleMesh& mesh) {
+Elements make_elements(const TriangleMesh& mesh, Diagonals which) {
   Elements elements;
   const std::vector<BendingElement> bending = bending_elements(mesh);
-  const BlockPattern pattern = make_pattern(mesh, bending);
+  const std::vector<DiagonalElement> diagonals =
+      which == Diagonals::all ? diagonal_elements(mesh) : std::vector<DiagonalElement>{};
+  const BlockPattern pattern = make_pattern(mesh, bending, diagonals);
   elements.pattern = pattern.matrix();
   elements.columns = pattern.columns();
   elements.diagonal_slots = pattern.diagonal_slots();
@@ -70,6 +84,11 @@ Elements make_elements(const TriangleMesh& mesh) {
   elements.triangles =
       groups<TriangleGroup>(mesh.triangle_count(), [&](int t, int lane, TriangleGroup& group) {
         place(mesh, mesh.triangles[at(t)], pattern, lane, group);
+      });
+  elements.diagonal_count = static_cast<int>(diagonals.size());
+  elements.diagonals =
+      groups<DiagonalGroup>(elements.diagonal_count, [&](int t, int lane, DiagonalGroup& group) {
+        place(diagonals[at(t)], pattern, lane, group);
       });
   elements.bending = groups<BendingGroup>(
       elements.bending_count,

@@ -6,6 +6,7 @@
 
 #include "weft/model/bending.h"
 #include "weft/model/block_pattern.h"
+#include "weft/model/diagonals.h"
 #include "weft/strain/triangle_shape.h"
 
 namespace weft::detail {
@@ -30,8 +31,19 @@ struct BendingGroup {
   Lanes area;
 };
 
+/// kLanes diagonal elements, with slots as in BendingGroup.
+struct DiagonalGroup {
+  int count;
+  std::array<std::array<int, kLanes>, 4> vertices;
+  std::array<std::array<int, kLanes>, 6> slots;
+  std::array<Lanes, 4> rising, falling;
+  Lanes area;
+};
+
 struct Elements {
   std::vector<TriangleGroup> triangles;
+  std::vector<DiagonalGroup> diagonals;
+  int diagonal_count;  ///< elements that are not filling
   std::vector<BendingGroup> bending;
   int bending_count;  ///< elements that are not filling
   SparseMatrix pattern;
@@ -39,6 +51,7 @@ struct Elements {
   std::vector<int> diagonal_slots;
 };
 
-Elements make_elements(const TriangleMesh& mesh);
+enum class Diagonals { none, all };
+Elements make_elements(const TriangleMesh& mesh, Diagonals diagonals);
 
 }  // namespace weft::detail

@@ -40,18 +40,23 @@ void add_to_vertices(const DragJacobian::Group& group, std::size_t lane, double 
 
 void StrainJacobian::multiply(const Directions& directions, Directions& strains) const {
   Eigen::Index components = 0;
-  for (const auto& group : triangles) components += 3 * group.count;
-  for (const auto& group : bending) components += 3 * group.count;
+  const auto count = [&](const auto& groups) {
+    for (const auto& group : groups) components += 3 * group.count;
+  };
+  count(triangles);
+  count(diagonals);
+  count(bending);
   strains.resize(components, kDirections);
   int first = 0;
-  for (const auto& group : triangles) {
-    weft::multiply(group, directions, first, strains);
-    first += 3 * group.count;
-  }
-  for (const auto& group : bending) {
-    weft::multiply(group, directions, first, strains);
-    first += 3 * group.count;
-  }
+  const auto fill = [&](const auto& groups) {
+    for (const auto& group : groups) {
+      weft::multiply(group, directions, first, strains);
+      first += 3 * group.count;
+    }
+  };
+  fill(triangles);
+  fill(diagonals);
+  fill(bending);
 }
 
 void StrainJacobian::add_transposed(const Directions& factors, Directions& forces) const {

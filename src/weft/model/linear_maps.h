@@ -33,16 +33,17 @@ class StrainJacobian {
   template <class Factor>
   void add_transposed_rows(const Factor& factor, Directions& forces) const;
 
-  /// kLanes elements of three or of six vertices, the first `count` of which are in use.
+  /// kLanes elements, the first `count` of which are in use.
   template <std::size_t kVertices>
   struct Group {
     int count;
     std::array<std::array<int, kLanes>, kVertices> vertices;
     std::array<std::array<Vector3<Lanes>, kVertices>, 3> gradient;  ///< [component][vertex]
   };
-  /// Element e of `triangles` has the components 3 e to 3 e + 2; those of `bending` follow all of
-  /// them.
+  /// Element e of `triangles` has the components 3 e to 3 e + 2; those of `diagonals` follow all of
+  /// them, then those of `bending`.
   std::vector<Group<3>> triangles;
+  std::vector<Group<4>> diagonals;
   std::vector<Group<6>> bending;
 
  private:
@@ -69,14 +70,15 @@ void StrainJacobian::add_transposed_rows(const Group<kVertices>& group, int firs
 template <class Factor>
 void StrainJacobian::add_transposed_rows(const Factor& factor, Directions& forces) const {
   int first = 0;
-  for (const auto& group : triangles) {
-    add_transposed_rows(group, first, factor, forces);
-    first += 3 * group.count;
-  }
-  for (const auto& group : bending) {
-    add_transposed_rows(group, first, factor, forces);
-    first += 3 * group.count;
-  }
+  const auto add = [&](const auto& groups) {
+    for (const auto& group : groups) {
+      add_transposed_rows(group, first, factor, forces);
+      first += 3 * group.count;
+    }
+  };
+  add(triangles);
+  add(diagonals);
+  add(bending);
 }
 
 /// The derivatives of the air drag by positions and velocities at one state. The drag of a triangle

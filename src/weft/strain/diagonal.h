@@ -1,5 +1,5 @@
 #pragma once
-/// Elongation of a triangle along a diagonal of the threads, in tension only:
+/// Elongation along a diagonal of the threads, in tension only:
 ///
 ///     C = max(0, |w| - 1),   w = (w_u +- w_v) / sqrt 2,
 ///
@@ -14,15 +14,11 @@
 
 namespace weft {
 
-enum class Diagonal { rising, falling };  ///< (w_u + w_v) / sqrt 2 or (w_u - w_v) / sqrt 2
-
-/// As Stretch; direction and inverse length are zero where the diagonal is slack, so that whatever
-/// is built from them vanishes there.
+/// As stretch(); all is zero where the diagonal is slack, so that whatever is built from it
+/// vanishes there.
 template <class T>
-inline Stretch<T> diagonal_stretch(const DeformationGradient<T>& w, Diagonal diagonal) {
-  const T scale = broadcast<T>(0.70710678118654752440);
-  const Stretch<T> s =
-      stretch(Vector3<T>(scale * (diagonal == Diagonal::rising ? w.wu + w.wv : w.wu - w.wv)));
+inline Stretch<T> diagonal_stretch(const Vector3<T>& w) {
+  const Stretch<T> s = stretch(w);
   const T zero = broadcast<T>(0);
   const auto taut = s.value > zero;
   return {select(taut, s.value, zero), select(taut, s.direction, Vector3<T>{zero, zero, zero}),

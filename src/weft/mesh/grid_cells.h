@@ -1,0 +1,25 @@
+#pragma once
+/// The cells of a grid, and the edges of a mesh.
+#include <array>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "weft/mesh/triangle_mesh.h"
+
+namespace weft {
+
+/// The smaller vertex first.
+using MeshEdge = std::pair<int, int>;
+MeshEdge mesh_edge(int a, int b);
+
+/// For each edge, the vertices that are opposite to it.
+std::map<MeshEdge, std::vector<int>> edge_apexes(const TriangleMesh& mesh);
+
+/// Corners of a rectangle, in counter-clockwise order in (u, v).
+using GridCell = std::array<int, 4>;
+
+/// The rectangles of which a valid mesh consists, each of two triangles; empty if there are others.
+std::vector<GridCell> grid_cells(const TriangleMesh& mesh);
+
+}  // namespace weft
