@@ -128,7 +128,7 @@ void table1(const Arguments& arguments, bool noisy) {
     write_scan_capture(arguments.out / (noisy ? "noise" : "table1"), targets.capture,
                        targets.shapes);
   const auto trials = prepare_scan(targets.capture, targets.shapes, scan);
-  const ScanProblem problem(trials, arguments.make_solver(), truth, default_scan_parameters());
+  const ScanProblem problem(trials, arguments.make_solver(), truth, default_scan_parameters(truth));
   print_targets(problem, truth, "at the truth");
   const ScanFitResult fit =
       fit_scan(problem, start, arguments.with_mesh_error(), [](const ScanFitStep& step) {

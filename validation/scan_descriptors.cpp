@@ -103,7 +103,7 @@ void fit_from(const Arguments& arguments, const char* title,
     options.cells = arguments.cells;
     const Fabric from = find_fabric("larionov-initial");
     const ScanProblem problem(prepare_scan(capture, shapes, options), arguments.make_solver(), from,
-                              default_scan_parameters());
+                              default_scan_parameters(from));
     const ScanFitResult fit = fit_scan(problem, from, arguments.fit);
     const OrthotropicModuli m = moduli_of(stiffness_of(fit.fabric));
     fmt::print(

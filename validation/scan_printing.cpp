@@ -33,6 +33,16 @@ std::string interval_text(const ParameterInterval& p, double truth) {
                                        : " MISSES");
 }
 
+void print_moduli_of(const ScanFitResult& fit, const Fabric* truth) {
+  fmt::print("{:<9} {:>10} {:>10} {:>10} {:>9} {:>12}\n", "", "E_u N/m", "E_v N/m", "mu N/m", "nu",
+             "b N m");
+  print_moduli("start", fit.start);
+  print_moduli("found", fit.fabric);
+  if (!truth) return;
+  print_moduli("truth", *truth);
+  print_errors(fit.fabric, *truth);
+}
+
 /// Of the noise alone, and with what the width of the cells does.
 void print_intervals(const ScanProblem& problem, const ScanFitResult& fit, const Fabric* truth) {
   if (fit.intervals.empty()) return;
@@ -62,20 +72,14 @@ void print_intervals(const ScanProblem& problem, const ScanFitResult& fit, const
 }  // namespace
 
 void print_fit(const ScanProblem& problem, const ScanFitResult& fit, const Fabric* truth) {
-  fmt::print("{:<9} {:>10} {:>10} {:>10} {:>9} {:>12}\n", "", "E_u N/m", "E_v N/m", "mu N/m", "nu",
-             "b N m");
-  print_moduli("start", fit.start);
-  print_moduli("found", fit.fabric);
-  if (truth) {
-    print_moduli("truth", *truth);
-    print_errors(fit.fabric, *truth);
-  }
+  const bool sheet = fit.fabric.model == "stvk";
+  if (sheet) print_moduli_of(fit, truth);
   fmt::print(
       "cost {:.4g} from {:.4g}; {} iterations, {} evaluations, {:.1f} s; residuals in units of "
       "noise: shape {:.3g}, force {:.3g}; {} inexact\n",
       fit.cost, fit.cost_start, fit.iterations, fit.evaluations, fit.wall_s, fit.shape_rms,
       fit.force_rms, fit.inexact);
-  for (std::size_t i = 0; fit.ends.size() > 1 && i < fit.ends.size(); ++i) {
+  for (std::size_t i = 0; sheet && fit.ends.size() > 1 && i < fit.ends.size(); ++i) {
     const OrthotropicModuli a = moduli_of(stiffness_of(fit.ends[i].start)),
                             b = moduli_of(stiffness_of(fit.ends[i].fabric));
     fmt::print(

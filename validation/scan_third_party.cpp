@@ -107,7 +107,7 @@ void fit_mechanical_fabric(const Arguments& arguments, const std::string& name) 
   wrong.b *= 3;
   Fabric start = orthotropic_fabric("start", stiffness_of(wrong));
   start.set("bend_uv", 0.1 * wrong.b);  // counts only where it is searched
-  std::vector<std::vector<std::string>> sets{default_scan_parameters()};
+  std::vector<std::vector<std::string>> sets{default_scan_parameters(start)};
   sets.push_back({"membrane_uu", "membrane_vv", "membrane_uv", "membrane_shear", "bend_uu",
                   "bend_vv", "bend_uv", "bend_twist"});
   for (const auto& free : sets) {
@@ -176,6 +176,32 @@ Fabric continuum(const std::filesystem::path& path) {
                             {k + d, k + d, d, d, file.number("bending_stiffness_N_m", any)});
 }
 
+/// The same as threads with diagonals that act in tension only; k_d is a spring on each of two
+/// diagonals h sqrt(2) long, 2 k_d per width.
+Fabric with_diagonals(const std::filesystem::path& path) {
+  const TomlTable file = TomlTable::parse_file(path);
+  const Range any{0, 1e6};
+  Fabric fabric = Fabric::with_defaults("lattice", "baraff-witkin-diagonals");
+  fabric.set("stretch_stiffness", file.number("edge_spring_k_N_per_m", any));
+  fabric.set("diagonal_stiffness", 2 * file.number("diagonal_spring_k_d_N_per_m", any));
+  fabric.set("bend_stiffness", file.number("bending_stiffness_N_m", any));
+  fabric.set("shear_stiffness", 0.01);  // the least
+  return fabric;
+}
+
+void fit_rest(const Arguments& arguments,
+              const std::vector<std::shared_ptr<const ScanTrial>>& trials, const Fabric& source,
+              const Fabric& wrong, const std::vector<std::string>& free) {
+  const ScanProblem problem(trials, arguments.make_solver(), source, free);
+  print_targets(problem, source, "at the source's values");
+  for (const Fabric& from : {source, wrong}) {
+    fmt::print("{} from {}\n", from.model, from.name);
+    const ScanFitResult fit = fit_scan(problem, from, arguments.with_mesh_error());
+    print_fit(problem, fit, &source);
+    print_targets(problem, fit.fabric, "at the estimate");
+  }
+}
+
 }  // namespace
 
 void mechanical_scans(const Arguments& arguments) {
@@ -200,14 +226,16 @@ void capture_scans(const Arguments& arguments) {
     wrong.b *= 3;
     const Fabric start = orthotropic_fabric("start", stiffness_of(wrong));
     fmt::print("\n{}: {} targets on {} cells\n", name, trials.size(), arguments.cells);
-    const ScanProblem problem(trials, arguments.make_solver(), start, default_scan_parameters());
-    print_targets(problem, source, "at the source's continuum values");
-    for (const Fabric& from : {source, start}) {
-      fmt::print("from {}\n", from.name);
-      const ScanFitResult fit = fit_scan(problem, from, arguments.with_mesh_error());
-      print_fit(problem, fit, &source);
-      print_targets(problem, fit.fabric, "at the estimate");
-    }
+    fit_rest(arguments, trials, source, start, default_scan_parameters(source));
+    if (arguments.solver != "static") continue;  // XPBD has the sheet alone
+    const Fabric threads = with_diagonals(folder / (name + "_static_1") / "truth/parameters.toml");
+    Fabric off = threads;
+    off.name = "start";
+    off.set("stretch_stiffness", 2 * threads.value("stretch_stiffness"));
+    off.set("diagonal_stiffness", 0.5 * threads.value("diagonal_stiffness"));
+    off.set("bend_stiffness", 3 * threads.value("bend_stiffness"));
+    fit_rest(arguments, trials, threads, off,
+             {"stretch_stiffness", "diagonal_stiffness", "bend_stiffness"});
   }
 }
 

@@ -433,14 +433,15 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "scans");
   refuse_options(command, video_option_names(), "scans");
   refuse_options(command, kMechanicalFitOptions, "scans");
-  refuse_options(command, {"--start", "--model"}, "scans");
+  refuse_options(command, {"--start"}, "scans");
   ScanFitArguments fit = arguments.scan_fit;
   fit.mesh_error = mesh_error_of(arguments);
   fit.captures = arguments.captures;
   fit.out = arguments.out;
+  fit.model = arguments.model;
   fit.initial = arguments.initial;
   fit.name = arguments.name;
-  if (!arguments.parameters.empty()) fit.parameters = arguments.parameters;
+  fit.parameters = arguments.parameters;
   fit.seed = arguments.seed;
   fit.overwrite = arguments.overwrite;
   fit.threads = arguments.trial.threads();
@@ -504,7 +505,7 @@ void add_fit(CLI::App& app) {
   command->add_option("--name", arguments->name, "of the fabric (default: the capture's)");
   command->add_option("--model", arguments->model,
                       "to fit where --initial names no fabric (default: baraff-witkin; of "
-                      "mechanical captures stvk); `weft fabrics` lists them");
+                      "mechanical captures and scans stvk); `weft fabrics` lists them");
   command->add_option("--initial", arguments->initial,
                       "preset or fabric.toml: values that are not searched, and the start with "
                       "--start initial");

@@ -25,11 +25,14 @@ constexpr OrthotropicModuli kUsualCloth{200, 200, 40, 0.3, 5e-6};
 
 const std::string kStoreName = "scan_evaluations.sqlite";
 
+Fabric usual_fabric(const std::string& model) {
+  if (model.empty() || model == "stvk") return orthotropic_fabric("", stiffness_of(kUsualCloth));
+  return Fabric::with_defaults("", model);
+}
+
 Fabric start_fabric(const ScanFitArguments& arguments, const std::vector<ScanCapture>& captures) {
-  Fabric fabric = arguments.initial.empty()
-                      ? orthotropic_fabric(captures.front().name, stiffness_of(kUsualCloth))
-                      : find_fabric(arguments.initial);
-  require_model(fabric, "stvk");
+  Fabric fabric =
+      arguments.initial.empty() ? usual_fabric(arguments.model) : find_fabric(arguments.initial);
   fabric.name = arguments.name.empty() ? captures.front().name : arguments.name;
   fabric.areal_density = captures.front().areal_density;
   fabric.provenance =
@@ -88,8 +91,16 @@ Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem
   return report;
 }
 
-nlohmann::json moduli_json(const OrthotropicModuli& m) {
-  return {{"E_u", m.e_u}, {"E_v", m.e_v}, {"mu", m.shear}, {"nu", m.poisson}, {"b", m.b}};
+/// Moduli of the paper's sheet; of other models what was searched.
+nlohmann::json material_json(const ScanProblem& problem, const Fabric& fabric) {
+  if (fabric.model == "stvk") {
+    const OrthotropicModuli m = moduli_of(stiffness_of(fabric));
+    return {{"E_u", m.e_u}, {"E_v", m.e_v}, {"mu", m.shear}, {"nu", m.poisson}, {"b", m.b}};
+  }
+  nlohmann::json values = nlohmann::json::object();
+  for (const ScanParameter& p : problem.parameters())
+    values[std::string(p.info.name)] = fabric.values[p.values.front().first];
+  return values;
 }
 
 std::string result_text(const Report& report, const ScanProblem& problem, const ScanFitResult& fit,
@@ -98,21 +109,22 @@ std::string result_text(const Report& report, const ScanProblem& problem, const 
   nlohmann::json result = nlohmann::json::parse(result_to_json(report));
   nlohmann::json ends = nlohmann::json::array();
   for (const ScanFitEnd& end : fit.ends) {
-    nlohmann::json object = moduli_json(moduli_of(stiffness_of(end.fabric)));
+    nlohmann::json object = material_json(problem, end.fabric);
     object["error"] = std::isfinite(end.cost) ? nlohmann::json(end.cost) : nlohmann::json(nullptr);
     object["iterations"] = end.iterations;
-    object["start"] = moduli_json(moduli_of(stiffness_of(end.start)));
+    object["start"] = material_json(problem, end.start);
     ends.push_back(object);
   }
   nlohmann::json targets = scan_json(trials, differences);
   for (std::size_t i = 0; i < targets.size(); ++i)
     targets[i]["noise_factor"] = fit.scales[static_cast<Eigen::Index>(i)];
-  result["scan"] = {{"moduli", moduli_json(moduli_of(stiffness_of(fit.fabric)))},
-                    {"iterations", fit.iterations},
-                    {"starts", ends},
-                    {"shape_rms", fit.shape_rms},
-                    {"force_rms", fit.force_rms},
-                    {"targets", targets}};
+  result["scan"] = {
+      {fit.fabric.model == "stvk" ? "moduli" : "values", material_json(problem, fit.fabric)},
+      {"iterations", fit.iterations},
+      {"starts", ends},
+      {"shape_rms", fit.shape_rms},
+      {"force_rms", fit.force_rms},
+      {"targets", targets}};
   result["mesh_shift"] = mesh_shift_json(problem.infos(), problem.scaled(fit.fabric), fit.mesh);
   return result.dump(2) + "\n";
 }
@@ -126,9 +138,11 @@ void print_result(const ScanFitResult& fit, const Report& report,
     if (p.at_lower || p.at_upper) certainty += ", at the end of its range";
     fmt::print("{:<20} {:>12.5g} {:<11} {}\n", p.name, p.value, p.unit, certainty);
   }
-  const OrthotropicModuli m = moduli_of(stiffness_of(fit.fabric));
-  fmt::print("E_u {:.5g}, E_v {:.5g}, mu {:.5g} N/m, nu {:.4g}, b {:.5g} N m\n", m.e_u, m.e_v,
-             m.shear, m.poisson, m.b);
+  if (fit.fabric.model == "stvk") {
+    const OrthotropicModuli m = moduli_of(stiffness_of(fit.fabric));
+    fmt::print("E_u {:.5g}, E_v {:.5g}, mu {:.5g} N/m, nu {:.4g}, b {:.5g} N m\n", m.e_u, m.e_v,
+               m.shear, m.poisson, m.b);
+  }
   fmt::print("error {:.5g}, at the start {:.5g}; {} iterations, {} evaluations in {:.1f} s\n",
              report.error, report.error_initial, fit.iterations, report.evaluations, report.wall_s);
   for (std::size_t i = 0; i < trials.size(); ++i)
@@ -172,9 +186,10 @@ void ScanFitArguments::add_to(CLI::App& command) {
       ->check(CLI::IsMember({"noise", "residual"}))
       ->capture_default_str();
   command
-      .add_option("--random-starts", random_starts,
-                  "scans: fits from moduli within a factor of 3 of the start, besides the one from "
-                  "there; the best end counts")
+      .add_option(
+          "--random-starts", random_starts,
+          "scans: fits from moduli (of another model than stvk, parameters) within a factor "
+          "of 3 of the start, besides the one from there; the best end counts")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
 }
@@ -206,8 +221,10 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   options.seed = arguments.seed;
   options.mesh_error = arguments.mesh_error;
   options.mesh_solver = arguments.mesh_solver;
-  ScanProblem problem(trials, arguments.solver, initial, arguments.parameters, {},
-                      arguments.threads);
+  ScanProblem problem(
+      trials, arguments.solver, initial,
+      arguments.parameters.empty() ? default_scan_parameters(initial) : arguments.parameters, {},
+      arguments.threads);
   prepare_fit_folder(out, {kStoreName},
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
   problem.keep_in(std::make_shared<NumberStore>(out / kStoreName, problem.fingerprint()));

@@ -47,8 +47,8 @@ std::string scan_summary(const ScanTrial& trial, const ScanDifference& differenc
 
 struct ScanFitArguments {
   std::vector<std::string> captures;
-  std::string out, initial, name;
-  std::vector<std::string> parameters = default_scan_parameters();
+  std::string out, model, initial, name;
+  std::vector<std::string> parameters;  ///< empty: default_scan_parameters()
   std::string schedule = "together";
   std::string balance = "residual";
   int rounds = ScanFitOptions().rounds;

@@ -124,6 +124,22 @@ TEST_F(Scan, IntervalsSayWhatTheMeshDoes) {
   }
 }
 
+TEST_F(Scan, FitsOtherModels) {
+  const Outcome fit = weft({"fit", path("scan"), "--out", path("out"), "--model",
+                            "baraff-witkin-diagonals", "--no-mesh-error", "--random-starts", "1"});
+  ASSERT_EQ(fit.status, 0) << fit.err;
+  EXPECT_THAT(fit.out, AllOf(HasSubstr("diagonal_stiffness"), Not(HasSubstr("E_u"))));
+  const nlohmann::json scan = nlohmann::json::parse(text_of(folder_ / "out/result.json"))["scan"];
+  EXPECT_FALSE(scan.contains("moduli"));
+  EXPECT_EQ(scan["values"].size(), 4u);
+  EXPECT_EQ(scan["starts"].size(), 2u);
+  const auto start = [&](std::size_t i) {
+    return scan["starts"][i]["start"]["stretch_stiffness"].get<double>();
+  };
+  EXPECT_NEAR(start(0), 500, 1e-9);  // to its logarithm and back
+  EXPECT_GT(std::abs(start(1) - 500), 1);
+}
+
 TEST_F(Scan, AKilledFitContinues) {
   const std::vector<std::string> words{"fit",       path("scan"),       "--out",     path("out"),
                                        "--initial", "larionov-initial", "--balance", "noise"};
@@ -167,7 +183,10 @@ TEST_F(Scan, RefusesWhatIsNotForScans) {
   EXPECT_THAT(refusal({"--descriptor", "wavelet"}), HasSubstr("--descriptor"));
   EXPECT_THAT(refusal({"--rounds", "0"}), HasSubstr("--rounds"));
   EXPECT_THAT(refusal({"--parameters", "stretch"}), HasSubstr("stretch"));
-  EXPECT_THAT(refusal({"--initial", "satin"}), HasSubstr("stvk"));
+  EXPECT_THAT(refusal({"--initial", "satin", "--descriptor", "energy"}), HasSubstr("stvk"));
+  EXPECT_THAT(refusal({"--initial", "satin", "--parameters", "bend"}), HasSubstr("bend"));
+  EXPECT_THAT(refusal({"--model", "baraff-witkin", "--solver", "xpbd"}),
+              HasSubstr("solver \"xpbd\" does not take"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "out")) << "refused, but the folder was made";
   const Outcome simulated =
       weft({"simulate", path("scan"), "--fabric", "satin", "--out", path("x.pc2")});

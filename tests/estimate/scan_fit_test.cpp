@@ -33,13 +33,13 @@ struct Made {
 };
 
 Made make_of(const std::vector<ScanExperiment>& experiments, int cells,
-             const ScanSynthesis& options) {
+             const ScanSynthesis& options, const Fabric& fabric = true_fabric()) {
   Made made;
   made.capture.width = made.capture.height = kSide;
   made.capture.areal_density = 0.2;
   const TriangleMesh mesh = make_swatch(kSide, kSide, cells + 1, cells + 1);
   for (const ScanExperiment& e : experiments) {
-    SynthesizedScan scan = synthesize_scan(e, mesh, true_fabric(), options);
+    SynthesizedScan scan = synthesize_scan(e, mesh, fabric, options);
     EXPECT_TRUE(scan.converged) << e.name;
     made.capture.targets.push_back(scan.target);
     made.shapes.push_back(scan.shape);
@@ -65,7 +65,7 @@ ScanProblem problem_of(const Made& made, DescriptorKind kind, int cells = 0) {
   options.descriptor = kind;
   options.cells = cells;
   return ScanProblem(prepare_scan(made.capture, made.shapes, options), make_static_solver(),
-                     wrong_fabric(), default_scan_parameters());
+                     wrong_fabric(), default_scan_parameters(wrong_fabric()));
 }
 
 // The cost's slope along each parameter against differences of the cost, for each descriptor.
@@ -99,7 +99,7 @@ TEST(ScanFit, PoissonsRatioIsPenalizedAboveItsLimit) {
   ScanCostOptions none;
   none.poisson_limit = 10;
   const ScanProblem free(problem.trials(), make_static_solver(), wrong_fabric(),
-                         default_scan_parameters(), none);
+                         default_scan_parameters(wrong_fabric()), none);
   // ((0.55 - 0.5) / 0.001)^2.
   EXPECT_NEAR((problem.cost(x) - free.cost(x)) / 2500, 1, 1e-6);
   const VecX difference = problem.linearize(x).model.gradient - free.linearize(x).model.gradient;
@@ -134,6 +134,46 @@ TEST(ScanFit, FindsWhatMadeTheTargets) {
     EXPECT_EQ(fit.fabric.value("bend_twist"), 0.5 * fit.fabric.value("bend_uu"));
     EXPECT_EQ(fit.ends.size(), 1u);
   }
+}
+
+// Threads and diagonals that act in tension only, from a truth on finer cells: shapes and forces
+// tell the three stiffnesses that frames and stretches ask for.
+TEST(ScanFit, TakesOtherElasticModels) {
+  Fabric truth = Fabric::with_defaults("truth", "baraff-witkin-diagonals");
+  truth.set("stretch_stiffness", 200);
+  truth.set("shear_stiffness", 5);
+  truth.set("bend_stiffness", 5e-5);
+  truth.set("diagonal_stiffness", 120);
+  const std::vector<std::string> stiffnesses{"stretch_stiffness", "shear_stiffness",
+                                             "bend_stiffness", "diagonal_stiffness"};
+  EXPECT_EQ(default_scan_parameters(truth), stiffnesses);
+  ScanSynthesis synthesis;
+  synthesis.stated_noise = 1e-5;
+  synthesis.stated_force_noise = 1e-3;
+  const Made made = make_of(
+      {picture_frame(kSide, kSide, 0.2, 5e-4), edge_stretch(kSide, kSide, ScanAxis::u, 0.05, 5e-4),
+       ledge(kSide, kSide, ScanAxis::u, 2 * kSide / kCells)},
+      2 * kCells, synthesis, truth);
+  ScanOptions options;
+  options.cells = kCells + 2;
+  Fabric start = truth;
+  start.set("stretch_stiffness", 100);
+  start.set("bend_stiffness", 1e-4);
+  start.set("diagonal_stiffness", 240);
+  const ScanProblem problem(prepare_scan(made.capture, made.shapes, options), make_static_solver(),
+                            start, {"stretch_stiffness", "bend_stiffness", "diagonal_stiffness"});
+  const ScanFitResult fit = fit_scan(problem, start);
+  EXPECT_LT(fit.cost, 0.01 * fit.cost_start);
+  EXPECT_NEAR(fit.fabric.value("stretch_stiffness") / 200, 1, 0.05);
+  EXPECT_NEAR(fit.fabric.value("diagonal_stiffness") / 120, 1, 0.1);
+  EXPECT_EQ(fit.fabric.value("shear_stiffness"), 5);
+
+  // What only the sheet has.
+  options.descriptor = DescriptorKind::energy;
+  EXPECT_THROW(ScanProblem(prepare_scan(made.capture, made.shapes, options), make_static_solver(),
+                           start, stiffnesses),
+               Error);
+  EXPECT_THROW(scan_parameter(start, "bend"), Error);
 }
 
 TEST(ScanFit, IntervalsHoldTheTruthWithNoise) {

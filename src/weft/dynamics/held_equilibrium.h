@@ -41,6 +41,8 @@ class EquilibriumSolver {
  public:
   virtual ~EquilibriumSolver() = default;
   virtual std::string_view name() const = 0;
+  /// Whether it takes fabrics of this elastic model.
+  virtual bool takes(std::string_view /*model*/) const { return true; }
   /// Without convergence, what was reached. Throws Error for a fabric that the solver does not
   /// take.
   virtual HeldEquilibrium solve(const HeldCloth& cloth, const Fabric& fabric,

@@ -38,6 +38,7 @@ class XpbdSolver final : public EquilibriumSolver {
   explicit XpbdSolver(XpbdOptions options) : options_(std::move(options)) {}
 
   std::string_view name() const override { return "xpbd"; }
+  bool takes(std::string_view model) const override { return model == "stvk"; }
 
   HeldEquilibrium solve(const HeldCloth& cloth, const Fabric& fabric,
                         HeldDerivatives derivatives) const override {

@@ -31,15 +31,17 @@ constexpr double kLeastForce = 1e-12;  // N
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
+/// The paper's sheet, of which there are moduli.
+bool is_sheet(const Fabric& fabric) { return fabric.model == "stvk"; }
+
 double mean_square(const VecX& r) { return r.size() ? r.squaredNorm() / double(r.size()) : 0; }
 
 }  // namespace
 
 ScanParameter scan_parameter(const Fabric& fabric, const std::string& name) {
-  require_model(fabric, "stvk");
-  if (name != "bend") {
+  if (name != "bend" || !is_sheet(fabric)) {
     const int index = fabric.value_index(name);
-    return {fabric.info(index), {{index, 1}}, name.starts_with("bend")};
+    return {fabric.info(index), {{index, 1}}, name.find("bend") != std::string::npos};
   }
   ScanParameter bend;
   const int uu = fabric.value_index("bend_uu");
@@ -53,10 +55,14 @@ ScanParameter scan_parameter(const Fabric& fabric, const std::string& name) {
   return bend;
 }
 
-const std::vector<std::string>& default_scan_parameters() {
-  static const std::vector<std::string> kNames{"membrane_uu", "membrane_vv", "membrane_uv",
-                                               "membrane_shear", "bend"};
-  return kNames;
+std::vector<std::string> default_scan_parameters(const Fabric& fabric) {
+  if (is_sheet(fabric))
+    return {"membrane_uu", "membrane_vv", "membrane_uv", "membrane_shear", "bend"};
+  std::vector<std::string> names;
+  for (int i = 0; i < fabric.values.size(); ++i)
+    if (const ParameterInfo info = fabric.info(i); info.unit == "N/m" || info.unit == "N m")
+      names.emplace_back(info.name);
+  return names;
 }
 
 ScanBalance scan_balance_from_name(std::string_view name) {
@@ -82,11 +88,15 @@ ScanProblem::ScanProblem(std::vector<std::shared_ptr<const ScanTrial>> trials,
       threads_(threads) {
   if (trials_.empty()) throw Error("no targets to fit");
   if (free.empty()) throw Error("no parameters to search");
+  if (!solver_->takes(fabric_.model))
+    throw Error(fmt::format("solver \"{}\" does not take fabrics of model \"{}\"", solver_->name(),
+                            fabric_.model));
   if (!(options_.poisson_limit > 0) || !(options_.poisson_tolerance > 0))
     throw Error("limit and tolerance of Poisson's ratio must be above 0");
   std::vector<int> used;
   for (const std::string& name : free) {
-    if (name == "bend") fabric_.values[fabric_.value_index("bend_uv")] = kNoBendCoupling;
+    if (name == "bend" && is_sheet(fabric_))
+      fabric_.values[fabric_.value_index("bend_uv")] = kNoBendCoupling;
     parameters_.push_back(scan_parameter(fabric_, name));
     for (const auto& [index, factor] : parameters_.back().values) {
       if (std::find(used.begin(), used.end(), index) != used.end())
@@ -96,6 +106,7 @@ ScanProblem::ScanProblem(std::vector<std::shared_ptr<const ScanTrial>> trials,
     }
   }
   for (const auto& trial : trials_) {
+    if (trial->measured_descriptor->depends_on_material()) require_model(fabric_, "stvk");
     // The noise is taken at the scan and the fabric given: one that moved with the estimate would
     // be a residual's denominator that a fit can enlarge.
     const VecX noise =
@@ -165,9 +176,10 @@ MatX ScanProblem::by_scaled(const VecX& scaled, const MatX& by_values) const {
 }
 
 double ScanProblem::penalty(const Fabric& fabric, VecX* gradient) const {
+  if (gradient) gradient->setZero(fabric.values.size());
+  if (!is_sheet(fabric)) return 0;
   const int c01 = fabric.value_index("membrane_uv"), c11 = fabric.value_index("membrane_vv");
   const double nu = fabric.values[c01] / fabric.values[c11];
-  if (gradient) gradient->setZero(fabric.values.size());
   if (nu <= options_.poisson_limit) return 0;
   if (gradient) {
     (*gradient)[c01] = 1 / fabric.values[c11] / options_.poisson_tolerance;
@@ -516,9 +528,18 @@ class Descent {
   int iterations_ = 0;
 };
 
-/// Moduli within `spread` of the start's, so that each is a sheet.
-Fabric random_start(const Fabric& start, double spread, Rng& rng) {
+/// Within `spread` of the start: of a sheet its moduli, so that it stays one, of other models each
+/// of the parameters.
+Fabric random_start(const ScanProblem& problem, const Fabric& start, double spread, Rng& rng) {
   const auto factor = [&] { return std::exp(std::log(spread) * rng.uniform(-1, 1)); };
+  Fabric fabric = start;
+  if (!is_sheet(start)) {
+    for (const ScanParameter& parameter : problem.parameters()) {
+      const double by = factor();
+      for (const auto& [index, share] : parameter.values) fabric.values[index] *= by;
+    }
+    return fabric;
+  }
   OrthotropicModuli m = moduli_of(stiffness_of(start));
   m.e_u *= factor();
   m.e_v *= factor();
@@ -526,7 +547,6 @@ Fabric random_start(const Fabric& start, double spread, Rng& rng) {
   m.b *= factor();
   // nu^2 E_v / E_u stays below 1.
   m.poisson = rng.uniform(kLeastPoisson, std::min(kMostPoisson, 0.9 * std::sqrt(m.e_u / m.e_v)));
-  Fabric fabric = start;
   fabric.values.head(8) = orthotropic_fabric("", stiffness_of(m)).values;
   return fabric;
 }
@@ -558,7 +578,7 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
   Rng rng(options.seed);
   std::optional<VecX> best;
   for (int i = 0; i <= options.random_starts && !result.stopped; ++i) {
-    const Fabric from = i == 0 ? start : random_start(start, options.spread, rng);
+    const Fabric from = i == 0 ? start : random_start(problem, start, options.spread, rng);
     Descent descent(problem, options, observer, result);
     const ScanFitEnd end =
         descent.run(from, options.random_starts ? fmt::format("start {}, ", i + 1) : "");

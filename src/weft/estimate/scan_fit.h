@@ -1,6 +1,6 @@
 #pragma once
-/// The orthotropic sheet that explains scanned shapes and the forces at their clamps (Larionov et
-/// al. 2022, section 3.4, equations 7 and 8).
+/// The fabric, an orthotropic sheet or of another elastic model, that explains scanned shapes and
+/// the forces at their clamps (Larionov et al. 2022, section 3.4, equations 7 and 8).
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -22,13 +22,14 @@ struct ScanParameter {
   std::vector<std::pair<int, double>> values;  ///< index of Fabric::values, factor
   bool bending = false;
 };
-/// "bend": the paper's b, one flexural rigidity for all directions (bend_uu = bend_vv = b,
-/// bend_twist = b / 2, bend_uv = kNoBendCoupling), or a parameter of the model "stvk" by its name.
-/// The feasible box of equation 7 is the ranges of the fabric; that of b is bend_uu's. Throws Error
-/// for another name and for another model.
+/// A value of the fabric by its name, or of the model "stvk" "bend": the paper's b, one flexural
+/// rigidity for all directions (bend_uu = bend_vv = b, bend_twist = b / 2, bend_uv =
+/// kNoBendCoupling). The feasible box of equation 7 is the ranges of the fabric; that of b is
+/// bend_uu's. Throws Error for another name.
 ScanParameter scan_parameter(const Fabric& fabric, const std::string& name);
-/// membrane_uu, membrane_vv, membrane_uv, membrane_shear, bend: C00, C11, C01, C22, b.
-const std::vector<std::string>& default_scan_parameters();
+/// Of "stvk" membrane_uu, membrane_vv, membrane_uv, membrane_shear, bend: C00, C11, C01, C22, b. Of
+/// another model its stiffnesses: values in N/m and N m.
+std::vector<std::string> default_scan_parameters(const Fabric& fabric);
 
 /// What divides the two kinds of residuals, shape and forces, before their squares are added.
 enum class ScanBalance {
@@ -46,8 +47,8 @@ enum class ScanBalance {
 ScanBalance scan_balance_from_name(std::string_view name);
 
 struct ScanCostOptions {
-  /// Poisson's ratios above are penalized: (max(0, nu - limit) / tolerance)^2 is added to the mean
-  /// square. The paper adds 1e8 max(0, nu - 0.5).
+  /// Of the model "stvk", Poisson's ratios above are penalized: (max(0, nu - limit) / tolerance)^2
+  /// is added to the mean square. The paper adds 1e8 max(0, nu - 0.5).
   double poisson_limit = 0.5;
   double poisson_tolerance = 1e-3;
   /// N: a target whose largest net force is above counts as without equilibrium.
@@ -57,8 +58,9 @@ struct ScanCostOptions {
 /// The mean over all residuals of their squares, with the penalty.
 class ScanProblem {
  public:
-  /// `fabric`: of model "stvk", its values where nothing is searched, its ranges as the box. Throws
-  /// Error for no parameters, ones that overlap, options out of range and no targets.
+  /// `fabric`: its values where nothing is searched, its ranges as the box. Throws Error for no
+  /// parameters, ones that overlap, options out of range, no targets, a model that the solver does
+  /// not take, and descriptors of the energy for another model than "stvk".
   ScanProblem(std::vector<std::shared_ptr<const ScanTrial>> trials,
               std::shared_ptr<const EquilibriumSolver> solver, Fabric fabric,
               const std::vector<std::string>& free, const ScanCostOptions& options = {},

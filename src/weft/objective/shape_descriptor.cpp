@@ -219,6 +219,7 @@ class EnergyDescriptor final : public LocalDescriptor {
   Eigen::Index size() const override {
     return static_cast<Eigen::Index>(triangles_.size() + hinges_.size());
   }
+  bool depends_on_material() const override { return true; }
 
  protected:
   Eigen::Index triangle_entries() const override {

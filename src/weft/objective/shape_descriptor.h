@@ -44,8 +44,9 @@ class ShapeDescriptor {
  public:
   virtual ~ShapeDescriptor() = default;
   virtual Eigen::Index size() const = 0;
-  /// `x` 3 x vertices, m; `material`: the values of a fabric of model "stvk" (its first eight),
-  /// which only `energy` reads.
+  /// Whether it reads `material` below, which then must be of model "stvk": `energy` alone.
+  virtual bool depends_on_material() const { return false; }
+  /// `x` 3 x vertices, m; `material`: the values of a fabric.
   virtual VecX value(const Points& x, const VecX& material) const = 0;
   /// d value / d parameters (size x parameters) from d x / d parameters (3 vertices x parameters,
   /// rows as flat(x)), and what the parameters change at fixed x; parameters are the values of the
