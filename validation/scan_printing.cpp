@@ -43,6 +43,18 @@ void print_moduli_of(const ScanFitResult& fit, const Fabric* truth) {
   print_errors(fit.fabric, *truth);
 }
 
+void print_values_of(const ScanProblem& problem, const ScanFitResult& fit, const Fabric* truth) {
+  for (const ScanParameter& p : problem.parameters()) {
+    const int index = p.values.front().first;
+    fmt::print("  {:<20} start {:>10.5g}, found {:>10.5g} {}", p.info.name, fit.start.values[index],
+               fit.fabric.values[index], p.info.unit);
+    if (truth)
+      fmt::print(", true {:.5g}, {:.3f} of it", truth->values[index],
+                 fit.fabric.values[index] / truth->values[index]);
+    fmt::print("\n");
+  }
+}
+
 /// Of the noise alone, and with what the width of the cells does.
 void print_intervals(const ScanProblem& problem, const ScanFitResult& fit, const Fabric* truth) {
   if (fit.intervals.empty()) return;
@@ -73,7 +85,10 @@ void print_intervals(const ScanProblem& problem, const ScanFitResult& fit, const
 
 void print_fit(const ScanProblem& problem, const ScanFitResult& fit, const Fabric* truth) {
   const bool sheet = fit.fabric.model == "stvk";
-  if (sheet) print_moduli_of(fit, truth);
+  if (sheet)
+    print_moduli_of(fit, truth);
+  else
+    print_values_of(problem, fit, truth);
   fmt::print(
       "cost {:.4g} from {:.4g}; {} iterations, {} evaluations, {:.1f} s; residuals in units of "
       "noise: shape {:.3g}, force {:.3g}; {} inexact\n",
