@@ -17,7 +17,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
 constexpr Range kGrainAngle{-360, 360};  // degrees
 constexpr double kOnSwatch = 1e-6;       // m

@@ -354,8 +354,8 @@ Shades Renderer::Impl::shine(const std::array<FloatLanes, 8>& affine,
           ? filter.mean(row, affine[kFootprint] * footprint_samples)
           : float_lanes([&](int k) { return static_cast<float>(rig.pattern.light(row[k])); });
   const FloatLanes more = albedo * light * affine[kCosine] * lit;
-  return {shone & (lit > 0) ? ambient + more : none + ambient, 1 / affine[kOne],
-          shone & (lit >= 0.5f) ? row : none + kNoRow};
+  return {(shone & (lit > 0)) ? ambient + more : none + ambient, 1 / affine[kOne],
+          (shone & (lit >= 0.5f)) ? row : none + kNoRow};
 }
 
 void Renderer::Impl::write(int i, int j, float intensity, bool inside, float depth, float row) {

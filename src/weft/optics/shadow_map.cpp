@@ -67,7 +67,7 @@ void ShadowMap::draw_triangle(const Vertex& a, const Vertex& b, const Vertex& c,
       const IntLanes column = first + int_lanes([](int k) { return k; });
       const FloatLanes before = load_lanes<FloatLanes>(line + first);
       const FloatLanes here = start + to_float(column) * g.x;
-      store_lanes(line + first, (column < end) & (before < here) ? here : before);
+      store_lanes(line + first, ((column < end) & (before < here)) ? here : before);
     }
   });
 }

@@ -438,7 +438,7 @@ void AngleMapper::Impl::drop_undefined() {
     const float* coherence = coherence_.row(y);
     std::uint8_t* valid = &map_.valid(box_.y0 + y, box_.x0);
     for (int x = 0; x < box_.width(); ++x)
-      valid[x] = (strength[x] >= least_strength) & (coherence[x] >= least_coherence) ? 1 : 0;
+      valid[x] = ((strength[x] >= least_strength) & (coherence[x] >= least_coherence)) ? 1 : 0;
   }
 }
 
