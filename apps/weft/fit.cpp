@@ -406,7 +406,6 @@ void run(const Arguments& arguments) {
   if (fit.stopped) throw CLI::RuntimeError(stopped_early);
 }
 
-constexpr const char* kNoMeshError = "--no-mesh-error";
 const std::vector<std::string> kVideoFitOptions{
     "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",
     "--iterations", "--simplex", "--no-variability", "--variability-curves"};
@@ -471,7 +470,6 @@ void run_by_kind(Arguments& arguments, const CLI::App& command) {
     return;
   }
   refuse_options(command, CurveFitArguments::names(), "videos");
-  refuse_options(command, {kNoMeshError}, "videos");
   if (arguments.tests.empty()) {
     refuse_options(command, MechanicalArguments::names(), "videos");
     refuse_options(command, kMechanicalFitOptions, "videos");
@@ -580,7 +578,7 @@ void add_fit(CLI::App& app) {
       ->check(CLI::IsMember({"auto", "fit", "none"}))
       ->capture_default_str();
   command->add_flag(
-      kNoMeshError, arguments->no_mesh_error,
+      "--no-mesh-error", arguments->no_mesh_error,
       "intervals without what the width of the cells (of video the time steps, too) does, which "
       "one evaluation on half of it tells");
   arguments->scan.add_to(*command);

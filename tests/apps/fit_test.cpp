@@ -153,6 +153,25 @@ TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
   EXPECT_GT(certainty["noise"], 0);
   EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("Correlation of the parameters"));
 
+  // Without the evaluation on halved cells: the same values, none surer than with it.
+  const Outcome alone =
+      weft({"fit", path("c"), "--out", path("alone"), "--grid", "9", "--steps-per-frame", "2",
+            "--iterations", "10", "--no-variability", "--no-mesh-error"});
+  ASSERT_EQ(alone.status, 0) << alone.err;
+  const json by_noise = result("alone");
+  EXPECT_EQ(found["settings"]["intervals"], "noise and mesh");
+  EXPECT_EQ(by_noise["settings"]["intervals"], "noise");
+  int narrower = 0;
+  for (const auto& [name, p] : found["parameters"].items()) {
+    const json& q = by_noise["parameters"][name];
+    EXPECT_EQ(q["value"], p["value"]) << name;
+    const bool bounded = p["interval_upper"].is_number();
+    if (bounded) EXPECT_LE(q["interval_upper"], p["interval_upper"]) << name;
+    if (q["interval_upper"].is_number() && (!bounded || q["interval_upper"] < p["interval_upper"]))
+      ++narrower;
+  }
+  EXPECT_GT(narrower, 0);
+
   // What follows from a fit's folder.
   const Outcome posterior = weft({"posterior", path("out"), "--steps", "50", "--burn-in", "20"});
   ASSERT_EQ(posterior.status, 0) << posterior.err;
