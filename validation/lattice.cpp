@@ -48,12 +48,12 @@
 #include "source_lattice.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
-#include "weft/base/toml_reader.h"
 #include "weft/capture/capture.h"
 
 namespace {
 
 using namespace weft;
+using validation::Constants;
 using validation::Grid;
 using validation::grid_of;
 using validation::LimitSurface;
@@ -65,30 +65,6 @@ constexpr double kSettlingDrag = 2.5;      // 1/s
 constexpr double kSettlingDragPart = 0.7;  // of the settling
 constexpr double kSolverTolerance = 0.01;  // of the right-hand side
 constexpr int kMaxSolverIterations = 100;
-
-/// What the source ran with.
-struct Constants {
-  double density;                 // kg/m^2
-  double edge, edge_compression;  // N/m
-  double diagonal;                // N/m
-  double tension_damping;         // N s/m
-  double bending;                 // N m
-  double bending_damping;         // N m s
-  double drag_rate;               // 1/s
-};
-
-Constants read_constants(const Capture& capture) {
-  const TomlTable file = TomlTable::parse_file(capture.folder / "truth" / "parameters.toml");
-  constexpr Range any{0, 1e6};
-  return {.density = file.number("areal_density_kg_m2", {1e-3, 10}),
-          .edge = file.number("edge_spring_k_N_per_m", any),
-          .edge_compression = file.number("edge_spring_compression_k_N_per_m", any),
-          .diagonal = file.number("diagonal_spring_k_d_N_per_m", any),
-          .tension_damping = file.number("tension_damping_N_s_per_m", any),
-          .bending = file.number("bending_stiffness_N_m", any),
-          .bending_damping = file.number("bending_damping_N_m_s", any),
-          .drag_rate = file.number("air_drag_rate_per_s", any)};
-}
 
 /// A change of one term: factors on what the source has.
 struct Variant {
@@ -405,7 +381,7 @@ int run(int argc, char** argv) {
   if (argc < 2 || argc > 3) throw Error("usage: weft_validate_lattice CAPTURE [OUT.csv]");
   const Capture capture = read_capture(argv[1]);
   const TruthSurface truth = read_truth(capture);
-  const Constants constants = read_constants(capture);
+  const Constants constants = validation::read_constants(capture);
   if (capture.frame_count < 2) throw Error(capture.name + ": one frame is no motion");
   const Grid grid = grid_of(capture, truth.mesh);
   const Scene scene = make_scene(capture, grid.columns, grid.rows, 0, capture.frame_count - 1);

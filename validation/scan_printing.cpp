@@ -84,7 +84,7 @@ void print_intervals(const ScanProblem& problem, const ScanFitResult& fit, const
 }  // namespace
 
 void print_fit(const ScanProblem& problem, const ScanFitResult& fit, const Fabric* truth) {
-  const bool sheet = fit.fabric.model == "stvk";
+  const bool sheet = is_orthotropic_sheet(fit.fabric);
   if (sheet)
     print_moduli_of(fit, truth);
   else

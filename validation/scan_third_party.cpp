@@ -124,7 +124,7 @@ void fit_mechanical_fabric(const Arguments& arguments, const std::string& name) 
 
 /// The shape of a static video capture's true surface at its last frame, or of its control points.
 Points rest_of(const Capture& from, const TruthSurface& truth, SourceSurface surface) {
-  const Points& shown = truth.frames[static_cast<std::size_t>(from.frame_count - 1)];
+  const Points& shown = truth.frames.back();
   if (surface == SourceSurface::shown) return shown;
   Points control = validation::LimitSurface(validation::grid_of(from, truth.mesh)).control(shown);
   const auto apart = (control - shown).colwise().norm();
@@ -133,18 +133,17 @@ Points rest_of(const Capture& from, const TruthSurface& truth, SourceSurface sur
   return control;
 }
 
-void add_rest(const std::filesystem::path& folder, const Arguments& arguments,
+/// That shape as a target.
+void add_rest(const Capture& from, const Arguments& arguments,
               std::vector<std::shared_ptr<const ScanTrial>>& trials) {
-  const Capture from = read_capture(folder);
   const TruthSurface truth = read_truth(from);
-  const int frame = from.frame_count - 1;
   ScanCapture capture;
   capture.name = from.name;
   capture.width = from.width;
   capture.height = from.height;
   capture.areal_density = from.areal_density;
   ScanTarget target;
-  target.name = fmt::format("{} {}", from.name, frame);
+  target.name = fmt::format("{} {}", from.name, from.frame_count - 1);
   target.gravity = from.gravity;
   for (const CaptureFixture& fixture : from.fixtures) {
     ScanClamp clamp;
@@ -167,24 +166,18 @@ void add_rest(const std::filesystem::path& folder, const Arguments& arguments,
 
 /// What the source's lattice is as a sheet with both diagonals taut (its note): C11 = k + k_d, C12
 /// = k_d, shear k_d.
-Fabric continuum(const std::filesystem::path& path) {
-  const TomlTable file = TomlTable::parse_file(path);
-  const Range any{0, 1e6};
-  const double k = file.number("edge_spring_k_N_per_m", any),
-               d = file.number("diagonal_spring_k_d_N_per_m", any);
-  return orthotropic_fabric("continuum",
-                            {k + d, k + d, d, d, file.number("bending_stiffness_N_m", any)});
+Fabric continuum(const validation::Constants& c) {
+  return orthotropic_fabric(
+      "continuum", {c.edge + c.diagonal, c.edge + c.diagonal, c.diagonal, c.diagonal, c.bending});
 }
 
 /// The same as threads with diagonals that act in tension only; k_d is a spring on each of two
 /// diagonals h sqrt(2) long, 2 k_d per width.
-Fabric with_diagonals(const std::filesystem::path& path) {
-  const TomlTable file = TomlTable::parse_file(path);
-  const Range any{0, 1e6};
+Fabric with_diagonals(const validation::Constants& c) {
   Fabric fabric = Fabric::with_defaults("lattice", "baraff-witkin-diagonals");
-  fabric.set("stretch_stiffness", file.number("edge_spring_k_N_per_m", any));
-  fabric.set("diagonal_stiffness", 2 * file.number("diagonal_spring_k_d_N_per_m", any));
-  fabric.set("bend_stiffness", file.number("bending_stiffness_N_m", any));
+  fabric.set("stretch_stiffness", c.edge);
+  fabric.set("diagonal_stiffness", 2 * c.diagonal);
+  fabric.set("bend_stiffness", c.bending);
   fabric.set("shear_stiffness", 0.01);  // the least
   return fabric;
 }
@@ -215,9 +208,10 @@ void capture_scans(const Arguments& arguments) {
                                      ? std::vector<std::string>{"cotton", "denim", "silk"}
                                      : arguments.fabrics) {
     std::vector<std::shared_ptr<const ScanTrial>> trials;
-    const std::filesystem::path folder = arguments.data / "captures";
-    add_rest(folder / (name + "_static_1"), arguments, trials);
-    const Fabric source = continuum(folder / (name + "_static_1") / "truth/parameters.toml");
+    const Capture capture = read_capture(arguments.data / "captures" / (name + "_static_1"));
+    add_rest(capture, arguments, trials);
+    const validation::Constants constants = validation::read_constants(capture);
+    const Fabric source = continuum(constants);
     OrthotropicModuli wrong = moduli_of(stiffness_of(source));
     wrong.e_u *= 2;
     wrong.e_v *= 0.5;
@@ -227,8 +221,8 @@ void capture_scans(const Arguments& arguments) {
     const Fabric start = orthotropic_fabric("start", stiffness_of(wrong));
     fmt::print("\n{}: {} targets on {} cells\n", name, trials.size(), arguments.cells);
     fit_rest(arguments, trials, source, start, default_scan_parameters(source));
-    if (arguments.solver != "static") continue;  // XPBD has the sheet alone
-    const Fabric threads = with_diagonals(folder / (name + "_static_1") / "truth/parameters.toml");
+    const Fabric threads = with_diagonals(constants);
+    if (!arguments.make_solver()->takes(threads.model)) continue;
     Fabric off = threads;
     off.name = "start";
     off.set("stretch_stiffness", 2 * threads.value("stretch_stiffness"));

@@ -1,14 +1,40 @@
 #pragma once
-/// The lattice that moved the true surfaces of the captures: its grid, and the surface that was
-/// shown, whose control points are the lattice's vertices.
+/// The lattice that moved the true surfaces of the captures: its constants, its grid, and the
+/// surface that was shown, whose control points are the lattice's vertices.
 #include <Eigen/LU>
 #include <array>
 #include <cmath>
 
 #include "weft/base/error.h"
+#include "weft/base/toml_reader.h"
 #include "weft/capture/capture.h"
 
 namespace weft::validation {
+
+/// What the source ran with.
+struct Constants {
+  double density;                 // kg/m^2
+  double edge, edge_compression;  // N/m
+  double diagonal;                // N/m
+  double tension_damping;         // N s/m
+  double bending;                 // N m
+  double bending_damping;         // N m s
+  double drag_rate;               // 1/s
+};
+
+/// Of CAPTURE/truth/parameters.toml. Throws Error.
+inline Constants read_constants(const Capture& capture) {
+  const TomlTable file = TomlTable::parse_file(capture.folder / "truth" / "parameters.toml");
+  constexpr Range any{0, 1e6};
+  return {.density = file.number("areal_density_kg_m2", {1e-3, 10}),
+          .edge = file.number("edge_spring_k_N_per_m", any),
+          .edge_compression = file.number("edge_spring_compression_k_N_per_m", any),
+          .diagonal = file.number("diagonal_spring_k_d_N_per_m", any),
+          .tension_damping = file.number("tension_damping_N_s_per_m", any),
+          .bending = file.number("bending_stiffness_N_m", any),
+          .bending_damping = file.number("bending_damping_N_m_s", any),
+          .drag_rate = file.number("air_drag_rate_per_s", any)};
+}
 
 /// Vertex = row * columns + column.
 struct Grid {

@@ -93,7 +93,7 @@ Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem
 
 /// Moduli of the paper's sheet; of other models what was searched.
 nlohmann::json material_json(const ScanProblem& problem, const Fabric& fabric) {
-  if (fabric.model == "stvk") {
+  if (is_orthotropic_sheet(fabric)) {
     const OrthotropicModuli m = moduli_of(stiffness_of(fabric));
     return {{"E_u", m.e_u}, {"E_v", m.e_v}, {"mu", m.shear}, {"nu", m.poisson}, {"b", m.b}};
   }
@@ -119,7 +119,7 @@ std::string result_text(const Report& report, const ScanProblem& problem, const 
   for (std::size_t i = 0; i < targets.size(); ++i)
     targets[i]["noise_factor"] = fit.scales[static_cast<Eigen::Index>(i)];
   result["scan"] = {
-      {fit.fabric.model == "stvk" ? "moduli" : "values", material_json(problem, fit.fabric)},
+      {is_orthotropic_sheet(fit.fabric) ? "moduli" : "values", material_json(problem, fit.fabric)},
       {"iterations", fit.iterations},
       {"starts", ends},
       {"shape_rms", fit.shape_rms},
@@ -138,7 +138,7 @@ void print_result(const ScanFitResult& fit, const Report& report,
     if (p.at_lower || p.at_upper) certainty += ", at the end of its range";
     fmt::print("{:<20} {:>12.5g} {:<11} {}\n", p.name, p.value, p.unit, certainty);
   }
-  if (fit.fabric.model == "stvk") {
+  if (is_orthotropic_sheet(fit.fabric)) {
     const OrthotropicModuli m = moduli_of(stiffness_of(fit.fabric));
     fmt::print("E_u {:.5g}, E_v {:.5g}, mu {:.5g} N/m, nu {:.4g}, b {:.5g} N m\n", m.e_u, m.e_v,
                m.shear, m.poisson, m.b);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "weft/base/error.h"
+#include "weft/estimate/mesh_error.h"
 
 namespace weft {
 namespace {
@@ -38,7 +39,7 @@ double dispersion_at(const MechanicalProblem& problem, const VecX& estimate) {
   if (!std::isfinite(found.model.cost))
     throw Error("the mechanical captures cannot be computed where they fit best by themselves");
   // The cost is a mean of squares.
-  const double noise = 2 / static_cast<double>(problem.residual_count());
+  const double noise = residual_noise(problem);
   // A single frame has no scatter; its residuals are then taken to be independent.
   double dispersion = noise * found.model.cost;
   if (found.parts.size() >= 2) {

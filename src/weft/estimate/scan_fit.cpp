@@ -31,15 +31,12 @@ constexpr double kLeastForce = 1e-12;  // N
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
-/// The paper's sheet, of which there are moduli.
-bool is_sheet(const Fabric& fabric) { return fabric.model == "stvk"; }
-
 double mean_square(const VecX& r) { return r.size() ? r.squaredNorm() / double(r.size()) : 0; }
 
 }  // namespace
 
 ScanParameter scan_parameter(const Fabric& fabric, const std::string& name) {
-  if (name != "bend" || !is_sheet(fabric)) {
+  if (name != "bend" || !is_orthotropic_sheet(fabric)) {
     const int index = fabric.value_index(name);
     return {fabric.info(index), {{index, 1}}, name.find("bend") != std::string::npos};
   }
@@ -56,7 +53,7 @@ ScanParameter scan_parameter(const Fabric& fabric, const std::string& name) {
 }
 
 std::vector<std::string> default_scan_parameters(const Fabric& fabric) {
-  if (is_sheet(fabric))
+  if (is_orthotropic_sheet(fabric))
     return {"membrane_uu", "membrane_vv", "membrane_uv", "membrane_shear", "bend"};
   std::vector<std::string> names;
   for (int i = 0; i < fabric.values.size(); ++i)
@@ -95,7 +92,7 @@ ScanProblem::ScanProblem(std::vector<std::shared_ptr<const ScanTrial>> trials,
     throw Error("limit and tolerance of Poisson's ratio must be above 0");
   std::vector<int> used;
   for (const std::string& name : free) {
-    if (name == "bend" && is_sheet(fabric_))
+    if (name == "bend" && is_orthotropic_sheet(fabric_))
       fabric_.values[fabric_.value_index("bend_uv")] = kNoBendCoupling;
     parameters_.push_back(scan_parameter(fabric_, name));
     for (const auto& [index, factor] : parameters_.back().values) {
@@ -177,7 +174,7 @@ MatX ScanProblem::by_scaled(const VecX& scaled, const MatX& by_values) const {
 
 double ScanProblem::penalty(const Fabric& fabric, VecX* gradient) const {
   if (gradient) gradient->setZero(fabric.values.size());
-  if (!is_sheet(fabric)) return 0;
+  if (!is_orthotropic_sheet(fabric)) return 0;
   const int c01 = fabric.value_index("membrane_uv"), c11 = fabric.value_index("membrane_vv");
   const double nu = fabric.values[c01] / fabric.values[c11];
   if (nu <= options_.poisson_limit) return 0;
@@ -533,7 +530,7 @@ class Descent {
 Fabric random_start(const ScanProblem& problem, const Fabric& start, double spread, Rng& rng) {
   const auto factor = [&] { return std::exp(std::log(spread) * rng.uniform(-1, 1)); };
   Fabric fabric = start;
-  if (!is_sheet(start)) {
+  if (!is_orthotropic_sheet(start)) {
     for (const ScanParameter& parameter : problem.parameters()) {
       const double by = factor();
       for (const auto& [index, share] : parameter.values) fabric.values[index] *= by;

@@ -80,6 +80,8 @@ Fabric orthotropic_fabric(std::string name, const OrthotropicStiffness& s) {
   return fabric;
 }
 
+bool is_orthotropic_sheet(const Fabric& fabric) { return fabric.model == "stvk"; }
+
 OrthotropicStiffness stiffness_of(const Fabric& fabric) {
   require_model(fabric, "stvk");
   return {fabric.value("membrane_uu"), fabric.value("membrane_vv"), fabric.value("membrane_uv"),

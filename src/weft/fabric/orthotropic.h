@@ -33,6 +33,8 @@ inline constexpr double kNoBendCoupling = 1e-12;  // N m
 /// Fabric of model "stvk". A plate of rigidity b without Poisson effect: bend_uu = bend_vv = b,
 /// bend_twist = b / 2, bend_uv = kNoBendCoupling.
 Fabric orthotropic_fabric(std::string name, const OrthotropicStiffness& stiffness);
+/// Whether a fabric is such a sheet: of model "stvk".
+bool is_orthotropic_sheet(const Fabric& fabric);
 /// Of a fabric of model "stvk"; b is the mean of bend_uu and bend_vv. Throws Error for another
 /// model.
 OrthotropicStiffness stiffness_of(const Fabric& fabric);

@@ -7,16 +7,12 @@
 namespace weft {
 namespace {
 
-/// What rounding of the coordinates may leave of the cosine of a right angle, and between points
-/// that are the same, in lengths of a cell.
-constexpr double kRounding = 1e-9;
-
 /// The corner of triangle `t` with a right angle.
 std::optional<std::size_t> right_angle(const TriangleMesh& mesh, const std::array<int, 3>& t) {
   for (std::size_t j = 0; j < 3; ++j) {
     const Vec2 to_next = mesh.material.col(t[(j + 1) % 3]) - mesh.material.col(t[j]);
     const Vec2 to_last = mesh.material.col(t[(j + 2) % 3]) - mesh.material.col(t[j]);
-    if (std::abs(to_next.dot(to_last)) <= kRounding * to_next.norm() * to_last.norm()) return j;
+    if (std::abs(to_next.dot(to_last)) <= grid_rounding * to_next.norm() * to_last.norm()) return j;
   }
   return std::nullopt;
 }
@@ -47,7 +43,7 @@ std::vector<GridCell> grid_cells(const TriangleMesh& mesh) {
     const Vec2 wanted =
         mesh.material.col(next) + mesh.material.col(last) - mesh.material.col(corner);
     const double diagonal = (mesh.material.col(last) - mesh.material.col(next)).norm();
-    if ((mesh.material.col(across) - wanted).norm() > kRounding * diagonal) return {};
+    if ((mesh.material.col(across) - wanted).norm() > grid_rounding * diagonal) return {};
     ++paired;
     if (corner < across) cells.push_back({corner, next, across, last});
   }

@@ -16,6 +16,10 @@ MeshEdge mesh_edge(int a, int b);
 /// For each edge, the vertices that are opposite to it.
 std::map<MeshEdge, std::vector<int>> edge_apexes(const TriangleMesh& mesh);
 
+/// What rounding of the coordinates may leave of the cosine of a right angle, and between points
+/// that are the same, in lengths of a cell.
+inline constexpr double grid_rounding = 1e-9;
+
 /// Corners of a rectangle, in counter-clockwise order in (u, v).
 using GridCell = std::array<int, 4>;
 

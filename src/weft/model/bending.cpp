@@ -13,7 +13,6 @@ namespace weft {
 namespace {
 
 constexpr double kLeastTwistFactor = 0.25;
-constexpr double kRounding = 1e-9;  // of coordinates, in lengths of a cell
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -115,7 +114,7 @@ bool align(const TriangleMesh& mesh, std::vector<GridCell>& cells) {
     return mesh.material.col(cell[i + 1]) - mesh.material.col(cell[i]);
   };
   const Vec2 first = side(cells[0], 0), second = side(cells[0], 1);
-  const double rounding = kRounding * (first.norm() + second.norm());
+  const double rounding = grid_rounding * (first.norm() + second.norm());
   const auto differs = [&](const GridCell& cell) {
     return (side(cell, 0) - first).norm() > rounding || (side(cell, 1) - second).norm() > rounding;
   };
@@ -184,9 +183,9 @@ double twist_factor(const TriangleMesh& mesh, const std::vector<BendingElement>&
 }  // namespace
 
 std::vector<BendingElement> bending_elements(const TriangleMesh& mesh, RimAngles rim) {
-  const auto all_apexes = edge_apexes(mesh);
   if (auto cells = grid_cells(mesh); !cells.empty())
     return corner_elements(mesh, std::move(cells), rim);
+  const auto all_apexes = edge_apexes(mesh);
   std::vector<BendingElement> elements;
   elements.reserve(mesh.triangles.size());
   for (int t = 0; t < mesh.triangle_count(); ++t)

@@ -149,18 +149,17 @@ TriangleCurvature<Lanes> curvature_of(const BendingGroup& group, const Points& x
   return triangle_curvature(group.map, positions(group, x));
 }
 
-/// Of the two diagonals.
-struct DiagonalStrains {
-  Stretch<Lanes> rising, falling;
+/// Something of each of the two diagonals.
+template <class T>
+struct OfDiagonals {
+  T rising, falling;
 };
+using DiagonalStrains = OfDiagonals<Stretch<Lanes>>;
 
 /// The two vectors w.
-struct DiagonalVectors {
-  Vector3<Lanes> rising, falling;
-};
-DiagonalVectors diagonal_vectors(const DiagonalGroup& group, const Points& x) {
+OfDiagonals<Vector3<Lanes>> diagonal_vectors(const DiagonalGroup& group, const Points& x) {
   const Lanes none{};
-  DiagonalVectors w{{none, none, none}, {none, none, none}};
+  OfDiagonals<Vector3<Lanes>> w{{none, none, none}, {none, none, none}};
   for (std::size_t i = 0; i < 4; ++i) {
     const Vector3<Lanes> xi = gather(x.data(), group.vertices[i]);
     w.rising = w.rising + group.rising[i] * xi;
@@ -170,7 +169,7 @@ DiagonalVectors diagonal_vectors(const DiagonalGroup& group, const Points& x) {
 }
 
 DiagonalStrains strains_of(const DiagonalGroup& group, const Points& x) {
-  const DiagonalVectors w = diagonal_vectors(group, x);
+  const auto w = diagonal_vectors(group, x);
   return {diagonal_stretch(w.rising), diagonal_stretch(w.falling)};
 }
 
@@ -194,13 +193,9 @@ void add_gradient(const TriangleGroup& group, const detail::MembraneGradient<Lan
   scatter_add(g2, group.vertices[2], gradient.data());
 }
 
-/// Derivatives of the energy density by the two strains, N/m; or their rates.
-struct OfDiagonals {
-  Lanes rising, falling;
-};
-
-void add_gradient(const DiagonalGroup& group, const DiagonalStrains& c, const OfDiagonals& tension,
-                  Points& gradient) {
+/// `tension`: derivatives of the energy density by the two strains, N/m.
+void add_gradient(const DiagonalGroup& group, const DiagonalStrains& c,
+                  const OfDiagonals<Lanes>& tension, Points& gradient) {
   const Vector3<Lanes> rising = (group.area * tension.rising) * c.rising.direction;
   const Vector3<Lanes> falling = (group.area * tension.falling) * c.falling.direction;
   for (std::size_t i = 0; i < 4; ++i)
@@ -225,8 +220,9 @@ detail::MembraneTension<Lanes> strain_rates(const TriangleGroup& group,
           dot(c.w.wv, rate.wu) + dot(c.w.wu, rate.wv)};
 }
 
-OfDiagonals strain_rates(const DiagonalGroup& group, const DiagonalStrains& c, const Points& v) {
-  const DiagonalVectors rate = diagonal_vectors(group, v);
+OfDiagonals<Lanes> strain_rates(const DiagonalGroup& group, const DiagonalStrains& c,
+                                const Points& v) {
+  const auto rate = diagonal_vectors(group, v);
   return {dot(c.rising.direction, rate.rising), dot(c.falling.direction, rate.falling)};
 }
 
@@ -328,14 +324,14 @@ struct ClothModel::Impl {
             load(damping.strain_history, first + 1, 3, count),
             load(damping.strain_history, first + 2, 3, count)};
   }
-  OfDiagonals diagonal_history(const DampingRate& damping, std::size_t group) const {
+  OfDiagonals<Lanes> diagonal_history(const DampingRate& damping, std::size_t group) const {
     const int first = first_diagonal() + static_cast<int>(group) * kLanes * 3;
     const int count = elements.diagonals[group].count;
     return {load(damping.strain_history, first, 3, count),
             load(damping.strain_history, first + 1, 3, count)};
   }
-  OfDiagonals tension(const DampedStiffness& k, const DiagonalStrains& c,
-                      const DampingRate& damping, std::size_t group) const {
+  OfDiagonals<Lanes> tension(const DampedStiffness& k, const DiagonalStrains& c,
+                             const DampingRate& damping, std::size_t group) const {
     const auto h = diagonal_history(damping, group);
     return {k.tension(c.rising.value, h.rising), k.tension(c.falling.value, h.falling)};
   }
@@ -467,7 +463,7 @@ void ClothModel::Impl::add_diagonals(const Coefficients& k, const Points& x,
   for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
     const DiagonalGroup& group = elements.diagonals[i];
     const DiagonalStrains c = strains_of(group, x);
-    const OfDiagonals t = tension(k.diagonal, c, damping, i);
+    const OfDiagonals<Lanes> t = tension(k.diagonal, c, damping, i);
     add_gradient(group, c, t, gradient);
     const SymmetricMatrix3<Lanes> rising =
         group.area * detail::diagonal_hessian(c.rising, t.rising, stiffness, kind);
@@ -521,7 +517,7 @@ void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& 
   }
   for (const DiagonalGroup& group : elements.diagonals) {
     const DiagonalStrains c = strains_of(group, x);
-    const OfDiagonals rate = strain_rates(group, c, v);
+    const OfDiagonals<Lanes> rate = strain_rates(group, c, v);
     add_gradient(group, c,
                  {-(k.diagonal.k * c.rising.value + k.diagonal.kd * rate.rising),
                   -(k.diagonal.k * c.falling.value + k.diagonal.kd * rate.falling)},
@@ -798,7 +794,7 @@ double ClothModel::damping_power(const Points& x, const Points& v) const {
              (k.stretch.kd * (rate.u * rate.u + rate.v * rate.v) + k.shear.kd * rate.s * rate.s);
   }
   for (const DiagonalGroup& group : impl_->elements.diagonals) {
-    const OfDiagonals rate = strain_rates(group, strains_of(group, x), v);
+    const OfDiagonals<Lanes> rate = strain_rates(group, strains_of(group, x), v);
     power +=
         group.area * (k.diagonal.kd * (rate.rising * rate.rising + rate.falling * rate.falling));
   }

@@ -39,24 +39,10 @@ void add_to_vertices(const DragJacobian::Group& group, std::size_t lane, double 
 }  // namespace
 
 void StrainJacobian::multiply(const Directions& directions, Directions& strains) const {
-  Eigen::Index components = 0;
-  const auto count = [&](const auto& groups) {
-    for (const auto& group : groups) components += 3 * group.count;
-  };
-  count(triangles);
-  count(diagonals);
-  count(bending);
+  const int components = for_each_group([](const auto&, int) {});
   strains.resize(components, kDirections);
-  int first = 0;
-  const auto fill = [&](const auto& groups) {
-    for (const auto& group : groups) {
-      weft::multiply(group, directions, first, strains);
-      first += 3 * group.count;
-    }
-  };
-  fill(triangles);
-  fill(diagonals);
-  fill(bending);
+  for_each_group(
+      [&](const auto& group, int first) { weft::multiply(group, directions, first, strains); });
 }
 
 void StrainJacobian::add_transposed(const Directions& factors, Directions& forces) const {

@@ -47,6 +47,9 @@ class StrainJacobian {
   std::vector<Group<6>> bending;
 
  private:
+  /// Calls `visit` with each group and its first component; how many components there are.
+  template <class Visit>
+  int for_each_group(const Visit& visit) const;
   template <std::size_t kVertices, class Factor>
   static void add_transposed_rows(const Group<kVertices>& group, int first, const Factor& factor,
                                   Directions& forces);
@@ -67,18 +70,25 @@ void StrainJacobian::add_transposed_rows(const Group<kVertices>& group, int firs
   }
 }
 
-template <class Factor>
-void StrainJacobian::add_transposed_rows(const Factor& factor, Directions& forces) const {
+template <class Visit>
+int StrainJacobian::for_each_group(const Visit& visit) const {
   int first = 0;
-  const auto add = [&](const auto& groups) {
+  const auto each = [&](const auto& groups) {
     for (const auto& group : groups) {
-      add_transposed_rows(group, first, factor, forces);
+      visit(group, first);
       first += 3 * group.count;
     }
   };
-  add(triangles);
-  add(diagonals);
-  add(bending);
+  each(triangles);
+  each(diagonals);
+  each(bending);
+  return first;
+}
+
+template <class Factor>
+void StrainJacobian::add_transposed_rows(const Factor& factor, Directions& forces) const {
+  for_each_group(
+      [&](const auto& group, int first) { add_transposed_rows(group, first, factor, forces); });
 }
 
 /// The derivatives of the air drag by positions and velocities at one state. The drag of a triangle

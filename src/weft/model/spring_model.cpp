@@ -8,6 +8,7 @@
 #include <map>
 
 #include "weft/base/error.h"
+#include "weft/mesh/grid_cells.h"
 #include "weft/model/sheet_model.h"
 
 namespace weft::detail {
@@ -19,10 +20,8 @@ constexpr std::array<const char*, 6> kNames = {"weft_stretch", "warp_stretch", "
 constexpr double kAngleTolerance = 1e-6;  // of the length of an edge
 
 using Spring = SpringModel::Spring;
-using Edge = std::pair<int, int>;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
-Edge edge(int a, int b) { return {std::min(a, b), std::max(a, b)}; }
 
 /// An edge or the other diagonal of a cell, with the area of its triangles.
 struct Link {
@@ -38,9 +37,8 @@ Component direction_of(const Vec2& along) {
 
 /// Edges of the mesh and second diagonals. Each triangle's area goes to its two legs and its
 /// diagonal alike; a diagonal with two triangles gives half of it to the other diagonal.
-std::map<Edge, Link> find_links(const TriangleMesh& mesh) {
-  std::map<Edge, Link> links;
-  std::map<Edge, std::vector<int>> apexes;
+std::map<MeshEdge, Link> find_links(const TriangleMesh& mesh) {
+  std::map<MeshEdge, Link> links;
   for (int t = 0; t < mesh.triangle_count(); ++t) {
     const auto& v = mesh.triangles[at(t)];
     std::array<int, 3> count{};
@@ -48,10 +46,9 @@ std::map<Edge, Link> find_links(const TriangleMesh& mesh) {
       const int a = v[j], b = v[(j + 1) % 3];
       const Component component = direction_of(mesh.material.col(b) - mesh.material.col(a));
       ++count[component];
-      Link& link = links[edge(a, b)];
+      Link& link = links[mesh_edge(a, b)];
       link.component = component;
       link.area += material_area(mesh, t);
-      if (component == kShear) apexes[edge(a, b)].push_back(v[(j + 2) % 3]);
     }
     if (count != std::array<int, 3>{1, 1, 1})
       throw Error(fmt::format(
@@ -59,12 +56,12 @@ std::map<Edge, Link> find_links(const TriangleMesh& mesh) {
           "along warp at a right angle",
           t));
   }
-  for (const auto& [diagonal, apex] : apexes) {
-    if (apex.size() != 2) continue;
-    Link& link = links.at(diagonal);
+  for (const auto& [edge, apex] : edge_apexes(mesh)) {
+    Link& link = links.at(edge);
+    if (link.component != kShear || apex.size() != 2) continue;
     const Link other{kShear, 0.5 * link.area};
     link.area = other.area;
-    links.emplace(edge(apex[0], apex[1]), other);
+    links.emplace(mesh_edge(apex[0], apex[1]), other);
   }
   return links;
 }
@@ -79,7 +76,7 @@ bool opposite(Component component, const Vec2& to_a, const Vec2& to_b) {
 }
 
 /// Pairs of neighbours that lie opposite to each other about their vertex.
-void add_second_ring(const TriangleMesh& mesh, const std::map<Edge, Link>& links,
+void add_second_ring(const TriangleMesh& mesh, const std::map<MeshEdge, Link>& links,
                      std::vector<Spring>& springs) {
   std::vector<std::vector<std::pair<int, Link>>> neighbours(at(mesh.vertex_count()));
   for (const auto& [ends, link] : links) {
@@ -95,7 +92,7 @@ void add_second_ring(const TriangleMesh& mesh, const std::map<Edge, Link>& links
         const Vec2 to_a = mesh.material.col(around[i].first) - mesh.material.col(v);
         const Vec2 to_b = mesh.material.col(around[j].first) - mesh.material.col(v);
         if (!opposite(component, to_a, to_b)) continue;
-        const auto [a, b] = edge(around[i].first, around[j].first);
+        const auto [a, b] = mesh_edge(around[i].first, around[j].first);
         springs.push_back({a, b, bend_of(component), (to_a - to_b).norm(),
                            0.5 * (around[i].second.area + around[j].second.area), 0});
       }
