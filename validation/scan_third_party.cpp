@@ -142,6 +142,7 @@ void add_rest(const Capture& from, const Arguments& arguments,
   capture.width = from.width;
   capture.height = from.height;
   capture.areal_density = from.areal_density;
+  capture.hem_width = from.hem_width;
   ScanTarget target;
   target.name = fmt::format("{} {}", from.name, from.frame_count - 1);
   target.gravity = from.gravity;
@@ -220,7 +221,8 @@ void capture_scans(const Arguments& arguments) {
     wrong.b *= 3;
     const Fabric start = orthotropic_fabric("start", stiffness_of(wrong));
     fmt::print("\n{}: {} targets on {} cells\n", name, trials.size(), arguments.cells);
-    fit_rest(arguments, trials, source, start, default_scan_parameters(source));
+    if (capture.hem_width == 0)  // a sheet has none
+      fit_rest(arguments, trials, source, start, default_scan_parameters(source));
     const Fabric threads = with_diagonals(constants);
     if (!arguments.make_solver()->takes(threads.model)) continue;
     Fabric off = threads;

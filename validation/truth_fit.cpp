@@ -42,7 +42,7 @@ class TruthFit {
     weights_ = vertex_areas(scene_.mesh);
     weights_ /= weights_.sum();
     for (int i = 0; i < problem.dimension(); ++i) {
-      parameters_.push_back(parameter_index(problem.initial().model, problem.info(i).name));
+      parameters_.push_back(problem.initial().value_index(problem.info(i).name));
     }
   }
 

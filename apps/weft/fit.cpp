@@ -44,6 +44,7 @@ struct Arguments {
   std::string out;
   std::string initial;
   std::string model;  ///< empty: the default of the captures' kind
+  std::vector<std::string> include;
   std::vector<std::string> parameters;
   std::vector<std::string> coarse = FitOptions().coarse_parameters;
   std::string method = "auto";
@@ -155,6 +156,7 @@ Fabric initial_fabric(const Arguments& arguments, const Capture& first) {
                   : arguments.model.empty()  ? Fabric::with_defaults(first.name)
                                              : Fabric::with_defaults(first.name, arguments.model);
   require_motion_model(fabric);
+  include_terms(arguments.include, fabric);
   fabric.name = arguments.name.empty() ? first.name : arguments.name;
   fabric.areal_density = first.areal_density;
   fabric.provenance =
@@ -275,13 +277,6 @@ MechanicalFitArguments tests_of(const Arguments& arguments) {
   return tests;
 }
 
-std::vector<std::string> free_parameters(const Arguments& arguments, const std::string& model) {
-  if (!arguments.parameters.empty()) return arguments.parameters;
-  std::vector<std::string> names;
-  for (const ParameterInfo& info : model_parameters(model)) names.emplace_back(info.name);
-  return names;
-}
-
 /// result.json with what the mesh does and, if there are any, the mechanical tests.
 std::string result_text(const Report& report, const Problem& problem, const FitResult& fit,
                         const MeshShift& mesh, const MechanicalBeside::Shown& tests) {
@@ -335,7 +330,8 @@ void run(const Arguments& arguments) {
   if (!arguments.tests.empty()) stores.emplace_back(kMechanicalStoreName);
   prepare_fit_folder(out, stores, arguments.overwrite ? Existing::overwrite : Existing::refuse);
   const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
-  const std::vector<std::string> free = free_parameters(arguments, initial.model);
+  const std::vector<std::string> free =
+      arguments.parameters.empty() ? initial.value_names() : arguments.parameters;
   std::optional<MechanicalBeside> tests;
   if (!arguments.tests.empty()) tests.emplace(tests_of(arguments), initial, free);
   const Problem problem(trials, tests ? tests->fabric() : initial, free, {}, priors,
@@ -421,6 +417,7 @@ void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   if (!arguments.model.empty()) fit.model = arguments.model;
   if (command.count("--start") > 0) fit.start = arguments.start;
   fit.name = arguments.name;
+  fit.include = arguments.include;
   fit.parameters = arguments.parameters;
   fit.seed = arguments.seed;
   fit.overwrite = arguments.overwrite;
@@ -440,6 +437,7 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
   fit.model = arguments.model;
   fit.initial = arguments.initial;
   fit.name = arguments.name;
+  fit.include = arguments.include;
   fit.parameters = arguments.parameters;
   fit.seed = arguments.seed;
   fit.overwrite = arguments.overwrite;
@@ -507,8 +505,11 @@ void add_fit(CLI::App& app) {
   command->add_option("--initial", arguments->initial,
                       "preset or fabric.toml: values that are not searched, and the start with "
                       "--start initial");
+  command->add_option("--include", arguments->include,
+                      "optional terms of the model to take in, at their defaults, such as "
+                      "drag_normal_linear; `weft fabrics` lists them");
   command->add_option("--parameters", arguments->parameters,
-                      "parameters to search (default: all of the model)");
+                      "parameters to search (default: all of the fabric)");
   command
       ->add_option("--method", arguments->method,
                    "auto: least squares through the derivatives of the motion, then annealing from "

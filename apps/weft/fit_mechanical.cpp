@@ -4,6 +4,7 @@
 #include "command_line.h"
 #include "fit_curves.h"
 #include "mechanical.h"
+#include "options.h"
 #include "report_of_fit.h"
 #include "report_of_mechanical.h"
 #include "weft/base/error.h"
@@ -23,17 +24,12 @@ Fabric start_fabric(const MechanicalFitArguments& arguments,
   Fabric fabric = arguments.initial.empty()
                       ? Fabric::with_defaults(captures.front().name, arguments.model)
                       : find_fabric(arguments.initial);
+  include_terms(arguments.include, fabric);
   fabric.name = arguments.name.empty() ? captures.front().name : arguments.name;
   fabric.areal_density = captures.front().areal_density;
   fabric.provenance =
       fmt::format("fitted to {} by weft " WEFT_VERSION, fmt::join(arguments.captures, ", "));
   return fabric;
-}
-
-std::vector<std::string> all_parameters(const Fabric& fabric) {
-  std::vector<std::string> names;
-  for (int i = 0; i < fabric.values.size(); ++i) names.emplace_back(fabric.info(i).name);
-  return names;
 }
 
 std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments,
@@ -45,7 +41,7 @@ std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments
       throw Error(fmt::format("--parameters: {}", error.what()));
     }
   }
-  return arguments.parameters.empty() ? all_parameters(fabric) : arguments.parameters;
+  return arguments.parameters.empty() ? fabric.value_names() : arguments.parameters;
 }
 
 /// The start with what --start asks for in place of the free values.
@@ -176,7 +172,7 @@ CurveFitResult search(const MechanicalFitArguments& arguments,
   fit.mesh_error = arguments.mesh_error;
   CurveFitResult result;
   if (arguments.curves) {
-    const MechanicalProblem all(trials, initial, all_parameters(initial), cost, arguments.threads);
+    const MechanicalProblem all(trials, initial, initial.value_names(), cost, arguments.threads);
     CurveFitOptions options = *arguments.curves;
     options.cost = cost;
     options.fit = fit;

@@ -33,6 +33,7 @@ Fabric usual_fabric(const std::string& model) {
 Fabric start_fabric(const ScanFitArguments& arguments, const std::vector<ScanCapture>& captures) {
   Fabric fabric =
       arguments.initial.empty() ? usual_fabric(arguments.model) : find_fabric(arguments.initial);
+  include_terms(arguments.include, fabric);
   fabric.name = arguments.name.empty() ? captures.front().name : arguments.name;
   fabric.areal_density = captures.front().areal_density;
   fabric.provenance =

@@ -56,6 +56,7 @@ struct MechanicalFitArguments {
   std::string model = "stvk";
   std::string start = "initial";
   std::string name;
+  std::vector<std::string> include;  ///< optional terms
   std::vector<std::string> parameters;
   std::string residuals = "auto";
   double force_noise = 3e-3;

@@ -161,6 +161,11 @@ CLI::Validator unsigned_integer() {
   return {check, "UINT64"};
 }
 
+void include_terms(const std::vector<std::string>& names, Fabric& fabric) {
+  check_parameters("--include", fabric.model, names);
+  for (const std::string& name : names) fabric.include(name);
+}
+
 void check_parameters(const std::string& option, const std::string& model,
                       const std::vector<std::string>& names) {
   for (const std::string& name : names) {

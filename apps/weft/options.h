@@ -67,6 +67,10 @@ CLI::Validator number_in(double lower, double upper);
 /// Accepts what an unsigned integer of 64 bits can hold; CLI11 wraps a negative number around.
 CLI::Validator unsigned_integer();
 
+/// Takes the optional terms that --include names into the fabric. Throws Error for a name that its
+/// model does not have.
+void include_terms(const std::vector<std::string>& names, Fabric& fabric);
+
 /// Throws Error, with the option's name, for a parameter that the model does not have.
 void check_parameters(const std::string& option, const std::string& model,
                       const std::vector<std::string>& names);

@@ -71,7 +71,7 @@ Estimate read_estimate(const std::filesystem::path& folder) {
   e.names = certainty.parameters;
   e.scaled.resize(static_cast<Eigen::Index>(e.names.size()));
   for (std::size_t i = 0; i < e.names.size(); ++i) {
-    e.infos.push_back(e.fabric.info(parameter_index(e.fabric.model, e.names[i])));
+    e.infos.push_back(e.fabric.info(e.fabric.value_index(e.names[i])));
     e.scaled[static_cast<Eigen::Index>(i)] =
         std::clamp(to_scaled(e.infos[i], e.fabric.value(e.names[i])), 0.0, 1.0);
   }

@@ -27,6 +27,7 @@ ReportCapture capture_of(const Trial& trial, const CaptureEvaluation& evaluation
   c.width = capture.width;
   c.height = capture.height;
   c.areal_density = capture.areal_density;
+  c.hem_width = capture.hem_width;
   c.frame_rate = capture.frame_rate;
   c.frame_count = capture.frame_count;
   c.fit_first = capture.fit_first;

@@ -48,6 +48,7 @@ std::string scan_summary(const ScanTrial& trial, const ScanDifference& differenc
 struct ScanFitArguments {
   std::vector<std::string> captures;
   std::string out, model, initial, name;
+  std::vector<std::string> include;     ///< optional terms
   std::vector<std::string> parameters;  ///< empty: default_scan_parameters()
   std::string schedule = "together";
   std::string balance = "residual";

@@ -22,7 +22,7 @@ struct Arguments {
 };
 
 std::string energy_csv(const Scene& scene, const Fabric& fabric, const Trajectory& trajectory) {
-  const ClothModel model(scene.mesh, fabric, scene.areal_density, scene.gravity);
+  const ClothModel model(scene.mesh, fabric, scene.areal_density, scene.gravity, scene.hem_width);
   std::string text = "time_s,kinetic_J,elastic_J,gravity_J\n";
   for (std::size_t k = 0; k < trajectory.frames.size(); ++k) {
     const Points& v = trajectory.velocities[k];

@@ -65,7 +65,7 @@ Known read_known(const std::string& name) {
   known.information = MatX::Zero(n, n);
   std::vector<Eigen::Index> at;
   for (const std::string& parameter : certainty.parameters)
-    at.push_back(parameter_index(known.fabric.model, parameter));
+    at.push_back(known.fabric.value_index(parameter));
   known.information(at, at) = certainty.information;
   // The information of a fit is the sum of its frames' matrices over the noise of a cluster, that
   // of a sample the mean.
@@ -81,7 +81,7 @@ MatX known_information(const Known& known) {
   const auto n = known.fabric.values.size();
   MatX information = known.information.size() > 0 ? known.information : MatX(MatX::Zero(n, n));
   for (const ParameterPrior& prior : known.priors) {
-    const int i = parameter_index(known.fabric.model, prior.parameter);
+    const int i = known.fabric.value_index(prior.parameter);
     const double deviation = scaled_prior(known.fabric.info(i), prior).deviation;
     information(i, i) += 1 / (deviation * deviation);
   }

@@ -41,10 +41,8 @@ void run(const Arguments& arguments) {
   require_motion_model(fabric);
   check_parameters("--parameters", fabric.model, arguments.parameters);
   const std::vector<Capture> captures = read_captures(arguments.captures);
-  std::vector<std::string> names = arguments.parameters;
-  if (names.empty()) {
-    for (const ParameterInfo& info : model_parameters(fabric.model)) names.emplace_back(info.name);
-  }
+  const std::vector<std::string> names =
+      arguments.parameters.empty() ? fabric.value_names() : arguments.parameters;
   const std::filesystem::path out = arguments.out;
   prepare_output_folder(out, {"variability.svg"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);

@@ -127,6 +127,23 @@ TEST_F(Fit, StopsOnCtrlCAndContinues) {
   EXPECT_GE(rows_of(folder_ / "out/evaluations.sqlite").size(), made);
 }
 
+TEST_F(Fit, TakesInOptionalTerms) {
+  const Outcome unknown =
+      weft({"fit", path("c"), "--out", path("out"), "--include", "drag_sideways"});
+  EXPECT_EQ(unknown.status, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("--include: parameter \"drag_sideways\""));
+  const Outcome run = weft({"fit", path("c"), "--out", path("out"), "--grid", "9",
+                            "--steps-per-frame", "2", "--iterations", "4", "--no-variability",
+                            "--no-mesh-error", "--include", "drag_normal_linear"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const json found = result("out");
+  ASSERT_EQ(found["parameters"].size(), 10u);
+  EXPECT_TRUE(found["parameters"]["drag_normal_linear"]["free"]);
+  const Fabric fabric = read_fabric(folder_ / "out/fabric.toml");
+  EXPECT_EQ(fabric.value("drag_normal_linear"),
+            found["parameters"]["drag_normal_linear"]["value"].get<double>());
+}
+
 TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
   const Outcome run = weft({"fit", path("c"), "--out", path("out"), "--grid", "9",
                             "--steps-per-frame", "2", "--iterations", "10", "--no-variability"});
@@ -166,7 +183,9 @@ TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
     const json& q = by_noise["parameters"][name];
     EXPECT_EQ(q["value"], p["value"]) << name;
     const bool bounded = p["interval_upper"].is_number();
-    if (bounded) EXPECT_LE(q["interval_upper"], p["interval_upper"]) << name;
+    if (bounded) {
+      EXPECT_LE(q["interval_upper"], p["interval_upper"]) << name;
+    }
     if (q["interval_upper"].is_number() && (!bounded || q["interval_upper"] < p["interval_upper"]))
       ++narrower;
   }

@@ -37,6 +37,7 @@ TEST_F(ReadCapture, ReadsTheBundledCapture) {
   EXPECT_EQ(capture.width, 0.5);
   EXPECT_EQ(capture.height, 0.5);
   EXPECT_EQ(capture.areal_density, 0.3);
+  EXPECT_EQ(capture.hem_width, 0);
   EXPECT_EQ(capture.gravity, Vec3(0, 0, -9.81));
   EXPECT_EQ(capture.frame_rate, 30);
   EXPECT_EQ(capture.frame_count, 100);
@@ -145,6 +146,8 @@ TEST_F(ReadCapture, ValuesOutOfRangeAreRejectedWithTheRange) {
               HasSubstr("swatch.areal_density: 300 is out of range"));
   EXPECT_THAT(message_with("areal_density = 0.3", "areal_density = nan"),
               HasSubstr("swatch.areal_density: nan is not a finite number"));
+  EXPECT_THAT(message_with("areal_density = 0.3", "areal_density = 0.3\nhem_width = -0.01"),
+              HasSubstr("swatch.hem_width: -0.01 is out of range"));
   EXPECT_THAT(message_with("-9.81", "-981"), HasSubstr("world.gravity[2]: -981 is out of range"));
   EXPECT_THAT(message_with("frame_rate = 30.0", "frame_rate = 0"), HasSubstr("video.frame_rate"));
   EXPECT_THAT(message_with("frame_count = 100", "frame_count = 0"), HasSubstr("video.frame_count"));

@@ -53,6 +53,21 @@ TEST(HeldEquilibrium, PinsCarryTheWeight) {
   }
 }
 
+TEST(HeldEquilibrium, PinsCarryTheHem) {
+  const Held cloth;
+  HeldCloth scene = cloth.scene();
+  scene.hem_width = 0.01;
+  Fabric threads = Fabric::with_defaults("threads", "baraff-witkin-diagonals");
+  threads.set("stretch_stiffness", 60);
+  const HeldEquilibrium rest = make_static_solver()->solve(scene, threads, HeldDerivatives::none);
+  ASSERT_TRUE(rest.converged);
+  const double area = kSide * kSide + 4 * kSide * scene.hem_width;
+  EXPECT_NEAR(rest.reactions.row(2).sum(), 0.2 * area * 9.81, 2.4e-5);
+  // A sheet has none, nor has XPBD.
+  for (const auto& solver : {make_static_solver(), make_xpbd_solver()})
+    EXPECT_THROW(solver->solve(scene, cloth_fabric(), HeldDerivatives::none), Error);
+}
+
 TEST(HeldEquilibrium, DerivativesAgreeWithDifferences) {
   const Held cloth;
   const auto solver = make_static_solver({.force_tolerance = 1e-11});

@@ -59,8 +59,24 @@ TEST_P(Swatch, NumbersVerticesRowByRow) {
   EXPECT_NEAR(mesh.material(1, 7), 0.1, 1e-15);
 }
 
-TEST_P(Swatch, LumpedAreasSumToTheSwatch) {
-  EXPECT_NEAR(vertex_areas(make_swatch(0.5, 0.3, 6, 4, GetParam())).sum(), 0.15, 1e-15);
+TEST_P(Swatch, LumpedAreasAreQuartersOfTheCells) {
+  const VecX areas = vertex_areas(make_swatch(0.5, 0.3, 6, 4, GetParam()));
+  EXPECT_NEAR(areas.sum(), 0.15, 1e-15);
+  EXPECT_NEAR(areas[0], 0.25 * 0.01, 1e-15);
+  EXPECT_NEAR(areas[1], 0.5 * 0.01, 1e-15);
+  for (const int inner : {7, 8, 13, 16}) EXPECT_NEAR(areas[inner], 0.01, 1e-15);
+}
+
+TEST(LumpedAreas, AreThirdsOfTrianglesOffAGrid) {
+  TriangleMesh mesh;
+  mesh.material = MaterialPoints(2, 4);
+  mesh.material << 0, 1, 0.2, 1.1,  //
+      0, 0.1, 1, 1.3;
+  mesh.triangles = {{0, 1, 2}, {1, 3, 2}};
+  const VecX areas = vertex_areas(mesh);
+  const double first = material_area(mesh, 0) / 3, second = material_area(mesh, 1) / 3;
+  EXPECT_NEAR((areas - Eigen::Vector4d(first, first + second, first + second, second)).norm(), 0,
+              1e-15);
 }
 
 // Euler: a disc has V - E + F = 1, and 3 F = 2 * inner edges + border edges.

@@ -35,6 +35,8 @@ Fabric test_fabric() {
   fabric.set("drag_linear", 0.4);
   fabric.set("drag_quadratic", 0.9);
   fabric.set("drag_degradation", 0.3);
+  fabric.include("drag_normal_linear");
+  fabric.set("drag_normal_linear", 0.7);
   return fabric;
 }
 
@@ -371,7 +373,8 @@ VecX numeric_strain_rates(const ClothModel& model, const Points& x, const Points
 TEST(ClothModel, ForcesAreThePotentialsGradientWithTheStrainRateOfTheVelocities) {
   const TriangleMesh mesh = small_mesh();
   Fabric fabric = test_fabric();
-  for (const char* name : {"drag_linear", "drag_quadratic"}) fabric.set(name, 0);
+  for (const char* name : {"drag_linear", "drag_quadratic", "drag_normal_linear"})
+    fabric.set(name, 0);
   const ClothModel model(mesh, fabric, 0.2, Vec3(0, 0, -9.81));
   Rng rng(8);
   for (const Points& x : states(mesh)) {
@@ -420,15 +423,19 @@ TEST(ClothModel, DragOfAFlatSwatch) {
     return Vec3(force.rowwise().sum());
   };
   const double kt = fabric.value("drag_linear"), kn = fabric.value("drag_quadratic"),
-               kf = fabric.value("drag_degradation");
+               kf = fabric.value("drag_degradation"), kl = fabric.value("drag_normal_linear");
   const double s = 1.7;
   EXPECT_LT((total({s, 0, 0}) - Vec3(-area * kt * s, 0, 0)).norm(), 1e-15);
-  EXPECT_LT((total({0, 0, -s}) - Vec3(0, 0, area * kn * s * s / (1 + kf * s * s))).norm(), 1e-15);
+  EXPECT_LT((total({0, 0, -s}) - Vec3(0, 0, area * (kl + kn * s / (1 + kf * s * s)) * s)).norm(),
+            1e-15);
   EXPECT_LT((total({s, 0, -s}) - total({s, 0, 0}) - total({0, 0, -s})).norm(), 1e-15);
-  // At high speed the normal drag tends to k_N / k_f per area, from below.
-  EXPECT_NEAR(-total({0, 0, 1e4}).z(), area * kn / kf, 1e-6 * area * kn / kf);
-  EXPECT_LT(-total({0, 0, 1e2}).z(), -total({0, 0, 1e3}).z());
-  EXPECT_LT(-total({0, 0, 1e4}).z(), area * kn / kf);
+  // At high speed the quadratic part of the normal drag tends to k_N / k_f per area, from below.
+  const auto quadratic = [&](double speed) {
+    return -total({0, 0, speed}).z() - area * kl * speed;
+  };
+  EXPECT_NEAR(quadratic(1e4), area * kn / kf, 1e-6 * area * kn / kf);
+  EXPECT_LT(quadratic(1e2), quadratic(1e3));
+  EXPECT_LT(quadratic(1e4), area * kn / kf);
 }
 
 TEST(ClothModel, DragOpposesMotion) {

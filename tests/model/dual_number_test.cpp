@@ -319,12 +319,15 @@ TEST(DualNumbers, DragAndItsDerivatives) {
           m(Eigen::Index(i / 3), Eigen::Index(i % 3)) = lanes.m[i][0];
         return m;
       };
+      const double third = 1.0 / 3;  // the share of each vertex
       for (std::size_t j = 0; j < 3; ++j) {
+        EXPECT_EQ(group.shares[j][0], third);
         const auto vertex = static_cast<Eigen::Index>(group.vertices[j][0]);
-        EXPECT_TRUE(near(first_lane(group.by_position[j]), jacobian.middleCols<3>(3 * vertex),
-                         kDigits, jacobian.leftCols(9).cwiseAbs().maxCoeff()));
-        EXPECT_TRUE(
-            near(first_lane(group.by_velocity), jacobian.middleCols<3>(9 + 3 * vertex), kDigits));
+        EXPECT_TRUE(near(third * first_lane(group.by_position[j]),
+                         jacobian.middleCols<3>(3 * vertex), kDigits,
+                         jacobian.leftCols(9).cwiseAbs().maxCoeff()));
+        EXPECT_TRUE(near(third * third * first_lane(group.by_velocity),
+                         jacobian.middleCols<3>(9 + 3 * vertex), kDigits));
       }
       SparseMatrix damping = model.hessian_pattern();
       model.add_drag_damping(points(x), points(v), 2.5, damping);

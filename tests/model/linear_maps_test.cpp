@@ -16,7 +16,10 @@ ClothModel test_model() {
   fabric.set("drag_linear", 0.4);
   fabric.set("drag_quadratic", 0.9);
   fabric.set("drag_degradation", 0.3);
-  return {make_swatch(0.08, 0.06, 5, 4, GridPattern::alternating), fabric, 0.2, Vec3(0, 0, -9.81)};
+  fabric.include("drag_normal_linear");
+  const double hem_width = 0.005;
+  return {make_swatch(0.08, 0.06, 5, 4, GridPattern::alternating), fabric, 0.2, Vec3(0, 0, -9.81),
+          hem_width};
 }
 
 /// Crumpled by a tenth of a cell, stretched and compressed here and there.

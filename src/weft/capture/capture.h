@@ -36,6 +36,7 @@ struct Capture {
   std::string description;
   double width = 0, height = 0;  ///< swatch, m
   double areal_density = 0;      ///< kg/m^2
+  double hem_width = 0;          ///< of the cloth that is folded over along the rim, m
   Vec3 gravity{0, 0, -9.81};
   std::filesystem::path video;  ///< file or numbered images, absolute
   double frame_rate = 0;        ///< 1/s

@@ -12,6 +12,7 @@ namespace weft {
 // Valid ranges of the keys of capture.toml (docs/formats.md).
 inline constexpr Range kSwatchSide{1e-3, 10};    // m
 inline constexpr Range kArealDensity{1e-3, 10};  // kg/m^2
+inline constexpr Range kHemWidth{0, 0.1};        // m
 inline constexpr Range kGravity{-100, 100};      // m/s^2, each component
 inline constexpr Range kFrameRate{0.1, 1e5};     // 1/s
 inline constexpr int kMaxFrames = 1'000'000;

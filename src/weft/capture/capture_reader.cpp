@@ -70,6 +70,7 @@ class CaptureReader {
     capture_.width = swatch.number("width", kSwatchSide);
     capture_.height = swatch.number("height", kSwatchSide);
     capture_.areal_density = swatch.number("areal_density", kArealDensity);
+    capture_.hem_width = swatch.optional_number("hem_width", kHemWidth).value_or(0);
     swatch.finish();
   }
 

@@ -39,6 +39,7 @@ Scene make_scene(const Capture& capture, int columns, int rows, int first, int l
   Scene scene;
   scene.mesh = make_swatch(capture.width, capture.height, columns, rows);
   scene.areal_density = capture.areal_density;
+  scene.hem_width = capture.hem_width;
   scene.gravity = capture.gravity;
   for (const CaptureFixture& fixture : capture.fixtures) {
     scene.fixtures.push_back(

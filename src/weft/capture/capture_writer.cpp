@@ -44,6 +44,7 @@ std::string head_text(const Capture& capture, std::string_view video) {
   text += "width = " + number(capture.width) + "  # m, along u (weft)\n";
   text += "height = " + number(capture.height) + "  # m, along v (warp)\n";
   text += "areal_density = " + number(capture.areal_density) + "  # kg/m^2\n";
+  text += "hem_width = " + number(capture.hem_width) + "  # m\n";
   text += fmt::format("\n[world]\ngravity = [{}, {}, {}]  # m/s^2\n", capture.gravity.x(),
                       capture.gravity.y(), capture.gravity.z());
   text += "\n[video]\n";

@@ -88,6 +88,7 @@ class ScanReader {
     capture_.areal_density = swatch.number("areal_density", kArealDensity);
     capture_.grain_angle =
         swatch.optional_number("grain_angle_deg", kGrainAngle).value_or(0) * std::numbers::pi / 180;
+    capture_.hem_width = swatch.optional_number("hem_width", kHemWidth).value_or(0);
     swatch.finish();
   }
 
@@ -365,9 +366,10 @@ void write_scan_capture(const std::filesystem::path& folder, const ScanCapture& 
   make_folder(folder);
   std::string text = fmt::format(
       "format = \"weft-capture\"\nversion = 1\nkind = \"scan\"\nname = {}\ndescription = {}\n\n"
-      "[swatch]\nwidth = {}\nheight = {}\nareal_density = {}\ngrain_angle_deg = {}\n",
+      "[swatch]\nwidth = {}\nheight = {}\nareal_density = {}\ngrain_angle_deg = {}\nhem_width = "
+      "{}\n",
       toml_string(capture.name), toml_string(capture.description), capture.width, capture.height,
-      capture.areal_density, capture.grain_angle * 180 / std::numbers::pi);
+      capture.areal_density, capture.grain_angle * 180 / std::numbers::pi, capture.hem_width);
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     const ScanTarget& target = capture.targets[i];
     const std::string stem = fmt::format("target_{}", i + 1);

@@ -56,6 +56,7 @@ struct ScanCapture {
   double width = 0, height = 0;  ///< of the swatch, m
   double areal_density = 0;      ///< kg/m^2
   double grain_angle = 0;        ///< rad, as of a mechanical capture
+  double hem_width = 0;          ///< m, as of a video capture
   std::vector<ScanTarget> targets;
   /// Notes on the true parameters; nothing here reads them.
   std::optional<std::filesystem::path> truth;

@@ -89,7 +89,7 @@ Points blend_of_clips(const MaterialPoints& material, const std::vector<Clip>& c
 }
 
 HeavyCloth::HeavyCloth(const ElasticModel& model, double areal_density, const Vec3& gravity)
-    : model_(model), masses_(areal_density * vertex_areas(model.mesh())), gravity_(gravity) {
+    : model_(model), masses_(areal_density * model.vertex_areas()), gravity_(gravity) {
   if (!(areal_density > 0) || !std::isfinite(areal_density))
     throw Error(fmt::format("areal density is {:g} kg/m^2, must be above 0", areal_density));
 }

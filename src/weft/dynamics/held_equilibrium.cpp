@@ -23,7 +23,7 @@ class StaticSolver final : public EquilibriumSolver {
 
   HeldEquilibrium solve(const HeldCloth& cloth, const Fabric& fabric,
                         HeldDerivatives derivatives) const override {
-    const auto model = make_elastic_model(cloth.mesh, fabric, cloth.grain_angle);
+    const auto model = make_elastic_model(cloth.mesh, fabric, cloth.grain_angle, cloth.hem_width);
     const HeavyCloth heavy(*model, cloth.areal_density, cloth.gravity);
     StaticResult found = solve_static(heavy, cloth.start, cloth.held, options_);
     HeldEquilibrium result;

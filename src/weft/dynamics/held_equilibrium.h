@@ -20,6 +20,7 @@ struct HeldCloth {
   double grain_angle;             ///< rad, as in make_elastic_model
   const std::vector<char>& held;  ///< a flag a vertex
   const Points& start;            ///< 3 x vertices, m; held vertices stay where it has them
+  double hem_width = 0;           ///< m, of the models that can have one
 };
 
 enum class HeldDerivatives { none, all };

@@ -43,6 +43,7 @@ struct PointFixture {
 struct Scene {
   TriangleMesh mesh;
   double areal_density = 0;  ///< kg/m^2
+  double hem_width = 0;      ///< m, model/hem.h
   Vec3 gravity{0, 0, -9.81};
   std::vector<PointFixture> fixtures;
   std::vector<double> frame_times;  ///< s, increasing; the first is the start

@@ -209,7 +209,7 @@ Trajectory run(const Scene& scene, const AirMotion& moving_air, const Fabric& fa
   check(scene, options);
   check(moving_air, scene, options);
   const AirMotion* air = moving_air.still() ? nullptr : &moving_air;
-  const ClothModel model(scene.mesh, fabric, scene.areal_density, scene.gravity);
+  const ClothModel model(scene.mesh, fabric, scene.areal_density, scene.gravity, scene.hem_width);
   Trajectory trajectory;
   const double start_time = scene.frame_times.front();
   Points start = scene.start;

@@ -42,6 +42,7 @@ class XpbdSolver final : public EquilibriumSolver {
 
   HeldEquilibrium solve(const HeldCloth& cloth, const Fabric& fabric,
                         HeldDerivatives derivatives) const override {
+    if (cloth.hem_width > 0) throw Error("the solver xpbd cannot take a hem");
     std::vector<int> pinned;
     for (std::size_t i = 0; i < cloth.held.size(); ++i)
       if (cloth.held[i]) pinned.push_back(static_cast<int>(i));

@@ -13,7 +13,7 @@ namespace {
 
 /// To be raised when the same trial and fabric give another error than before, or features are made
 /// in another way: stored evaluations and cached features of older programs are then not used.
-constexpr int kEvaluationVersion = 4;
+constexpr int kEvaluationVersion = 5;
 /// The same of mechanical captures.
 constexpr int kMechanicalVersion = 1;
 
@@ -128,6 +128,7 @@ void add_trial(ContentHash& hash, const Trial& trial) {
   const Scene& scene = trial.scene;
   add_mesh(hash, scene.mesh);
   hash.add(scene.areal_density);
+  hash.add(scene.hem_width);
   hash.add(scene.gravity);
   hash.add(scene.start);
   for (const double time : scene.frame_times) hash.add(time);
@@ -199,8 +200,8 @@ std::string preparation_key(const Capture& capture, int first, int last,
     const LensDistortion& lens = *capture.distortion;
     for (const double value : {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3}) hash.add(value);
   }
-  for (const double value :
-       {capture.width, capture.height, capture.areal_density, capture.frame_rate})
+  for (const double value : {capture.width, capture.height, capture.areal_density,
+                             capture.hem_width, capture.frame_rate})
     hash.add(value);
   hash.add(capture.gravity);
   std::vector<double> times;

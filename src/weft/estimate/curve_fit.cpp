@@ -535,11 +535,10 @@ IsolatedStrain isolated_strain(const MechanicalCapture& capture) {
 
 std::string fit_fingerprint(const Trials& trials, const Fabric& start,
                             const std::vector<std::string>& rows, const CurveFitOptions& options) {
-  std::vector<std::string> all;
-  for (int i = 0; i < start.values.size(); ++i) all.emplace_back(start.info(i).name);
   ContentHash hash;
   hash.add(std::string_view(fit_fingerprint(
-      MechanicalProblem(trials, start, all, options.cost, options.threads), start, options.fit)));
+      MechanicalProblem(trials, start, start.value_names(), options.cost, options.threads), start,
+      options.fit)));
   for (const std::string& row : rows) hash.add(std::string_view(row));
   hash.add(options.order);
   hash.add(options.shape);

@@ -316,6 +316,7 @@ std::string ScanProblem::fingerprint() const {
     const ScanTrial& trial = *trials_[t];
     hash.add(trial.areal_density);
     hash.add(trial.grain_angle);
+    hash.add(trial.hem_width);
     hash.add(trial.target.gravity);
     hash.add(trial.target.noise);
     hash.add(trial.mesh.material);

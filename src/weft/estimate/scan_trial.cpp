@@ -255,6 +255,7 @@ std::shared_ptr<ScanTrial> prepare_target(const ScanCapture& capture, const Scan
     trial->shape.weights = VecX::Ones(trial->shape.mesh.vertex_count());
   trial->areal_density = capture.areal_density;
   trial->grain_angle = capture.grain_angle;
+  trial->hem_width = capture.hem_width;
   trial->mesh = simulated_mesh(capture, target, trial->shape, options);
   trial->pattern = options.pattern;
   hold(*trial);
@@ -354,8 +355,8 @@ std::vector<ScanSimulation> simulate_scans(
   std::vector<ScanSimulation> results(trials.size());
   parallel_for(trials.size(), threads, [&](std::size_t i) {
     const ScanTrial& trial = *trials[i];
-    const HeldCloth cloth{trial.mesh,        trial.areal_density, trial.target.gravity,
-                          trial.grain_angle, trial.held,          trial.start};
+    const HeldCloth cloth{trial.mesh, trial.areal_density, trial.target.gravity, trial.grain_angle,
+                          trial.held, trial.start,         trial.hem_width};
     ScanSimulation& result = results[i];
     result.rest = solver.solve(cloth, fabric, derivatives);
     result.forces = forces_of(trial, result.rest.reactions);

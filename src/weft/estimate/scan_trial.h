@@ -36,6 +36,7 @@ struct ScanTrial {
   std::optional<ScanRegistration> registration;  ///< that gave `shape`, of a raw scan
   double areal_density = 0;                      ///< kg/m^2
   double grain_angle = 0;                        ///< rad
+  double hem_width = 0;                          ///< m
 
   TriangleMesh mesh;          ///< simulated
   GridPattern pattern{};      ///< how its quads are split

@@ -76,8 +76,7 @@ Vec3 unit_axis(Axis axis, const Vec3& line, const Vec3& gravity) {
 class Suggester {
  public:
   Suggester(const Capture& like, const Fabric& fabric, const SuggestOptions& options)
-      : like_(like), fabric_(fabric), options_(options) {
-    for (const ParameterInfo& p : model_parameters(fabric.model)) names_.emplace_back(p.name);
+      : like_(like), fabric_(fabric), options_(options), names_(fabric.value_names()) {
     const auto n = static_cast<Eigen::Index>(names_.size());
     known_ = kRangeInformation * MatX::Identity(n, n);
     if (options.known.size() > 0) {
@@ -85,7 +84,7 @@ class Suggester {
         throw Error("suggest: the known information must have a row for each parameter");
       known_ += options.known;
     }
-    for (const std::string& name : options.targets) parameter_index(fabric.model, name);  // throws
+    for (const std::string& name : options.targets) fabric.value_index(name);  // throws
     if (!(options.noise >= 0)) throw Error("suggest: noise must not be negative");
     if (options.frames_per_sample < 1) throw Error("suggest: frames_per_sample must be at least 1");
     if (!(options.confidence > 0 && options.confidence < 1))

@@ -306,6 +306,12 @@ void Fabric::set_curve(std::string_view row, const StiffnessCurve& curve) {
   resize_row(index, {curve.size() > 1 ? curve.knots() : VecX(), true}, curve.values());
 }
 
+std::vector<std::string> Fabric::value_names() const {
+  std::vector<std::string> names;
+  for (int i = 0; i < values.size(); ++i) names.emplace_back(info(i).name);
+  return names;
+}
+
 void Fabric::include(std::string_view row) {
   const int index = parameter_index(model, row);
   if (value_count(index) > 0) return;

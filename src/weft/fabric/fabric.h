@@ -55,6 +55,8 @@ struct Fabric {
   /// Makes a curve of a row, through `curve`'s control values; one knot: a number. The ranges of
   /// the row's values are those of its first one. Throws Error for a row that may not be a curve.
   void set_curve(std::string_view row, const StiffnessCurve& curve);
+  /// All of them, in the order of `values`.
+  std::vector<std::string> value_names() const;
   /// Takes an optional term into the fabric, at its default, or out of it.
   void include(std::string_view row);
   void leave_out(std::string_view row);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kShift = 0.1;  // of the parameter's unit, see Scale::shifted_log
 
-constexpr std::array<ParameterInfo, 9> kBaraffWitkin = {{
+constexpr std::array<ParameterInfo, 10> kBaraffWitkin = {{
     {"stretch_stiffness", "N/m", 5, 5000, 500, Scale::logarithmic,
      "Force per width that resists a relative elongation along weft or warp.",
      "Bhat 2003, section 3, equation 1; Baraff and Witkin 1998, section 4.2"},
@@ -41,13 +41,16 @@ constexpr std::array<ParameterInfo, 9> kBaraffWitkin = {{
     {"drag_degradation", "s^2/m^2", 0, 10, 0.1, Scale::shifted_log,
      "k_f: bounds the normal drag per area by k_N / k_f at high speed.",
      "Bhat 2003, section 3, drag law"},
+    {"drag_normal_linear", "N s/m^3", 0, 10, 0.1, Scale::shifted_log,
+     "k_L: drag per area and normal speed, along the normal velocity, beside the quadratic one.",
+     "drag of air that seeps through; model/drag.h", "", Presence::optional},
 }};
 
 /// Those of `baraff-witkin`, in which the resistance to shear may be nearly nothing, and the
 /// diagonals.
-constexpr std::array<ParameterInfo, 11> with_diagonals() {
-  std::array<ParameterInfo, 11> out{};
-  for (std::size_t i = 0; i < kBaraffWitkin.size(); ++i) out[i] = kBaraffWitkin[i];
+constexpr std::array<ParameterInfo, 12> with_diagonals() {
+  std::array<ParameterInfo, 12> out{};
+  for (std::size_t i = 0; i < 9; ++i) out[i] = kBaraffWitkin[i];
   out[1].lower = 0.01;
   out[1].default_value = 1;
   out[9] = {"diagonal_stiffness",
@@ -67,9 +70,10 @@ constexpr std::array<ParameterInfo, 11> with_diagonals() {
              Scale::logarithmic,
              "Force per width that resists the rate of elongation at 45 degrees while in tension.",
              "as stretch_damping, along taut diagonals"};
+  out[11] = kBaraffWitkin[9];
   return out;
 }
-constexpr std::array<ParameterInfo, 11> kDiagonals = with_diagonals();
+constexpr std::array<ParameterInfo, 12> kDiagonals = with_diagonals();
 
 constexpr Presence kOptional = Presence::optional;
 constexpr const char* kFrictionSource = "P. R. Dahl 1968; quasi-static, see model/friction.h";
@@ -304,7 +308,9 @@ double from_search_coordinate(Scale scale, double t) {
 
 }  // namespace
 
-std::span<const ParameterInfo> baraff_witkin_parameters() { return kBaraffWitkin; }
+std::span<const ParameterInfo> baraff_witkin_parameters() {
+  return std::span(kBaraffWitkin).first<9>();
+}
 
 std::span<const ParameterInfo> model_parameters(std::string_view model) {
   std::string known;

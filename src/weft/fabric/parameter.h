@@ -36,12 +36,14 @@ struct ParameterInfo {
 
 /// The nine parameters of `baraff-witkin`, in the order of all vectors of parameters:
 /// stretch_stiffness, shear_stiffness, bend_stiffness, stretch_damping, shear_damping,
-/// bend_damping, drag_linear, drag_quadratic, drag_degradation.
+/// bend_damping, drag_linear, drag_quadratic, drag_degradation. Without the optional
+/// drag_normal_linear, which is the last of the model's table.
 std::span<const ParameterInfo> baraff_witkin_parameters();
 
 /// The table of a model. Throws Error for a name that is not known. Models:
-/// - "baraff-witkin", above;
-/// - "baraff-witkin-diagonals": the same nine, then diagonal_stiffness, diagonal_damping;
+/// - "baraff-witkin": these nine, and drag_normal_linear as an optional term;
+/// - "baraff-witkin-diagonals": the same nine, then diagonal_stiffness, diagonal_damping, and the
+///   same optional term;
 /// - "stvk": membrane_uu, membrane_uv, membrane_vv, membrane_shear (A11, A12, A22, A66), bend_uu,
 ///   bend_uv, bend_vv, bend_twist (D11, D12, D22, D66);
 /// - "soft-constraints", "stvk-diagonal", "springs": weft_stretch, warp_stretch, shear, weft_bend,

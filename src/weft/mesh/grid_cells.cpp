@@ -50,4 +50,15 @@ std::vector<GridCell> grid_cells(const TriangleMesh& mesh) {
   return paired == 2 * cells.size() ? cells : std::vector<GridCell>{};
 }
 
+std::vector<std::array<double, 3>> area_shares(const TriangleMesh& mesh) {
+  const double third = 1.0 / 3;
+  std::vector<std::array<double, 3>> shares(mesh.triangles.size(), {third, third, third});
+  if (grid_cells(mesh).empty()) return shares;
+  for (std::size_t t = 0; t < shares.size(); ++t) {
+    shares[t] = {0.25, 0.25, 0.25};
+    shares[t][right_angle(mesh, mesh.triangles[t]).value()] = 0.5;
+  }
+  return shares;
+}
+
 }  // namespace weft

@@ -26,4 +26,9 @@ using GridCell = std::array<int, 4>;
 /// The rectangles of which a valid mesh consists, each of two triangles; empty if there are others.
 std::vector<GridCell> grid_cells(const TriangleMesh& mesh);
 
+/// What parts of its area each triangle's vertices stand for; they add up to 1. Of a grid a half at
+/// the right angle and a quarter elsewhere, so that each cell is shared equally by its corners;
+/// otherwise a third.
+std::vector<std::array<double, 3>> area_shares(const TriangleMesh& mesh);
+
 }  // namespace weft

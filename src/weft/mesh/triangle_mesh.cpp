@@ -10,6 +10,7 @@
 #include <string>
 
 #include "weft/base/error.h"
+#include "weft/mesh/grid_cells.h"
 
 namespace weft {
 namespace {
@@ -178,9 +179,11 @@ std::vector<Hinge> hinges(const TriangleMesh& mesh) {
 
 VecX vertex_areas(const TriangleMesh& mesh) {
   VecX areas = VecX::Zero(mesh.vertex_count());
+  const auto shares = area_shares(mesh);
   for (int t = 0; t < mesh.triangle_count(); ++t) {
-    const double third = material_area(mesh, t) / 3;
-    for (const int vertex : mesh.triangles[static_cast<std::size_t>(t)]) areas[vertex] += third;
+    const auto at = static_cast<std::size_t>(t);
+    const double area = material_area(mesh, t);
+    for (std::size_t i = 0; i < 3; ++i) areas[mesh.triangles[at][i]] += shares[at][i] * area;
   }
   return areas;
 }

@@ -48,7 +48,9 @@ struct Hinge {
 };
 std::vector<Hinge> hinges(const TriangleMesh& mesh);
 
-/// Lumped areas: a third of each triangle's area to each of its vertices, m^2.
+/// Lumped areas, m^2: of a grid a quarter of each cell to each of its corners, however the cells
+/// are split; of other meshes a third of each triangle to each of its vertices. (Thirds on an
+/// alternating grid would be twice as heavy at every other vertex.)
 VecX vertex_areas(const TriangleMesh& mesh);
 
 /// Vertex normals of a deformed mesh: 3 x vertices, unit length, weighted by the area of the

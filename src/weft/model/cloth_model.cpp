@@ -108,15 +108,40 @@ class BlockWriter {
   const detail::ColumnLayout* columns_;
 };
 
+/// Of the values of a fabric.
+enum Index {
+  kStretch,
+  kShear,
+  kBend,
+  kStretchDamping,
+  kShearDamping,
+  kBendDamping,
+  kDragTangential,
+  kDragNormal,
+  kDragDegradation,
+  kDiagonal,  ///< from here on: of a model with diagonals only
+  kDiagonalDamping
+};
+struct Indices {
+  bool diagonals;
+  /// The linear normal drag, which may be left out, is the last value.
+  int drag_linear() const { return diagonals ? kDiagonalDamping + 1 : kDiagonal; }
+};
+
 /// The coefficients of a fabric; those of the diagonals are zero for a model without them.
 struct Coefficients {
   DampedStiffness stretch, shear, bend;
   DragLaw drag;
   DampedStiffness diagonal;
 
-  static Coefficients from(const VecX& p) {
-    Coefficients out{{p[0], p[3], 0}, {p[1], p[4], 0}, {p[2], p[5], 0}, {p[6], p[7], p[8]}, {}};
-    if (p.size() > 9) out.diagonal = {p[9], p[10], 0};
+  static Coefficients from(const VecX& p, const Indices& index) {
+    Coefficients out{{p[kStretch], p[kStretchDamping], 0},
+                     {p[kShear], p[kShearDamping], 0},
+                     {p[kBend], p[kBendDamping], 0},
+                     {p[kDragTangential], p[kDragNormal], p[kDragDegradation]},
+                     {}};
+    if (index.diagonals) out.diagonal = {p[kDiagonal], p[kDiagonalDamping], 0};
+    if (p.size() > index.drag_linear()) out.drag.linear = p[index.drag_linear()];
     return out;
   }
   Coefficients with_rate(double rate) const {
@@ -132,6 +157,12 @@ struct TrianglePositions {
 TrianglePositions positions(const TriangleGroup& group, const Points& x) {
   return {gather(x.data(), group.vertices[0]), gather(x.data(), group.vertices[1]),
           gather(x.data(), group.vertices[2])};
+}
+
+/// By the vertices' shares of the area.
+Vector3<Lanes> mean_velocity(const TriangleGroup& group, const Points& v) {
+  const TrianglePositions q = positions(group, v);
+  return group.shares[0] * q.x0 + group.shares[1] * q.x1 + group.shares[2] * q.x2;
 }
 
 detail::MembraneStrains<Lanes> strains_of(const TriangleGroup& group, const Points& x) {
@@ -243,21 +274,6 @@ std::array<Lanes, 3> curvature_rates(const BendingGroup& group,
   return out;
 }
 
-/// Parameters of the model's table.
-enum Index {
-  kStretch,
-  kShear,
-  kBend,
-  kStretchDamping,
-  kShearDamping,
-  kBendDamping,
-  kDragTangential,
-  kDragNormal,
-  kDragDegradation,
-  kDiagonal,  ///< from here on: of a model with diagonals only
-  kDiagonalDamping
-};
-
 ComponentTable component_table(const detail::Elements& elements, int count) {
   ComponentTable table;
   table.weight.resize(count);
@@ -269,9 +285,11 @@ ComponentTable component_table(const detail::Elements& elements, int count) {
                                                    : stiffness + kStretchDamping);
   };
   for (const TriangleGroup& group : elements.triangles)
-    for (int lane = 0; lane < group.count; ++lane)
-      for (const int stiffness : {kStretch, kStretch, kShear})
-        add(group.shape.area[lane], stiffness);
+    for (int lane = 0; lane < group.count; ++lane) {
+      add(group.shape.area[lane] * group.u_layers[lane], kStretch);
+      add(group.shape.area[lane] * group.v_layers[lane], kStretch);
+      add(group.shape.area[lane], kShear);
+    }
   for (const DiagonalGroup& group : elements.diagonals)
     for (int lane = 0; lane < group.count; ++lane) {
       add(group.area[lane], kDiagonal);
@@ -280,7 +298,7 @@ ComponentTable component_table(const detail::Elements& elements, int count) {
     }
   for (const BendingGroup& group : elements.bending)
     for (int lane = 0; lane < group.count; ++lane)
-      for (int k = 0; k < 3; ++k) add(group.area[lane], kBend);
+      for (const Lanes& area : group.areas) add(area[lane], kBend);
   assert(component == count);
   return table;
 }
@@ -305,9 +323,9 @@ Matrix3<Lanes> cross_matrix(const Vector3<Lanes>& a) {
 struct ClothModel::Impl {
   TriangleMesh mesh;
   std::string model;
+  Indices index;
   VecX values;
   ComponentTable components;
-  double areal_density;
   Vec3 gravity;
   Coefficients coefficients;
   detail::Elements elements;
@@ -343,13 +361,23 @@ struct ClothModel::Impl {
             load(damping.strain_history, first + 2, 3, count)};
   }
 
+  /// Derivatives of the energy density of a group by its three strains.
+  detail::MembraneTension<Lanes> tension(const Coefficients& k,
+                                         const detail::MembraneStrains<Lanes>& c,
+                                         const DampingRate& damping, std::size_t group) const {
+    const auto h = history(damping, group);
+    const TriangleGroup& triangles = elements.triangles[group];
+    return {triangles.u_layers * k.stretch.tension(c.u.value, h.u),
+            triangles.v_layers * k.stretch.tension(c.v.value, h.v), k.shear.tension(c.shear, h.s)};
+  }
+
   /// Derivative of the bending energy of a group by its curvature components.
   std::array<Lanes, 3> moments(const DampedStiffness& k, const TriangleCurvature<Lanes>& curvature,
                                const DampingRate& damping, std::size_t group) const {
     const auto h = curvature_history(damping, group);
     std::array<Lanes, 3> out;
     for (std::size_t i = 0; i < 3; ++i)
-      out[i] = elements.bending[group].area * k.tension(curvature.value[i], h[i]);
+      out[i] = elements.bending[group].areas[i] * k.tension(curvature.value[i], h[i]);
     return out;
   }
 
@@ -382,8 +410,9 @@ double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
     const TriangleGroup& group = elements.triangles[i];
     const auto c = strains_of(group, x);
     const auto h = history(damping, i);
-    sum += group.shape.area * (k.stretch.energy(c.u.value, h.u) + k.stretch.energy(c.v.value, h.v) +
-                               k.shear.energy(c.shear, h.s));
+    sum += group.shape.area *
+           (group.u_layers * k.stretch.energy(c.u.value, h.u) +
+            group.v_layers * k.stretch.energy(c.v.value, h.v) + k.shear.energy(c.shear, h.s));
   }
   for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
     const DiagonalGroup& group = elements.diagonals[i];
@@ -396,8 +425,7 @@ double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
     const BendingGroup& group = elements.bending[i];
     const auto c = curvature_of(group, x).value;
     const auto h = curvature_history(damping, i);
-    sum += group.area *
-           (k.bend.energy(c[0], h[0]) + k.bend.energy(c[1], h[1]) + k.bend.energy(c[2], h[2]));
+    for (std::size_t j = 0; j < 3; ++j) sum += group.areas[j] * k.bend.energy(c[j], h[j]);
   }
   return sum_lanes(sum);
 }
@@ -407,12 +435,7 @@ void ClothModel::Impl::add_triangle_gradient(const Coefficients& k, const Points
   for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
     const TriangleGroup& group = elements.triangles[i];
     const auto c = strains_of(group, x);
-    const auto h = history(damping, i);
-    add_gradient(
-        group,
-        membrane_gradient(c, {k.stretch.tension(c.u.value, h.u), k.stretch.tension(c.v.value, h.v),
-                              k.shear.tension(c.shear, h.s)}),
-        gradient);
+    add_gradient(group, membrane_gradient(c, tension(k, c, damping, i)), gradient);
   }
 }
 
@@ -441,17 +464,15 @@ void ClothModel::Impl::add_triangles(const Coefficients& k, const Points& x,
   for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
     const TriangleGroup& group = elements.triangles[i];
     const auto c = strains_of(group, x);
-    const auto h = history(damping, i);
-    const detail::MembraneTension<Lanes> tension = {k.stretch.tension(c.u.value, h.u),
-                                                    k.stretch.tension(c.v.value, h.v),
-                                                    k.shear.tension(c.shear, h.s)};
-    add_gradient(group, membrane_gradient(c, tension), gradient);
-    const auto block = detail::by_vertices(
-        group.shape,
-        kind == HessianKind::exact
-            ? detail::exact_hessian(c, tension, k.stretch.total(), k.shear.total())
-            : detail::projected_hessian(c, tension, k.stretch.total(), k.shear.total()));
-    add_blocks(block, group, writer);
+    const auto t = tension(k, c, damping, i);
+    add_gradient(group, membrane_gradient(c, t), gradient);
+    const detail::MembraneStiffness<Lanes> stiffness = {k.stretch.total() * group.u_layers,
+                                                        k.stretch.total() * group.v_layers,
+                                                        broadcast<Lanes>(k.shear.total())};
+    const auto hessian_of_density = kind == HessianKind::exact
+                                        ? detail::exact_hessian(c, t, stiffness)
+                                        : detail::projected_hessian(c, t, stiffness);
+    add_blocks(detail::by_vertices(group.shape, hessian_of_density), group, writer);
   }
 }
 
@@ -491,7 +512,10 @@ void ClothModel::Impl::add_bending(const Coefficients& k, const Points& x,
     const auto curvature = curvature_of(group, x);
     const auto moment = moments(k.bend, curvature, damping, i);
     add_gradient(group, curvature, moment, gradient);
-    auto h = curvature_gauss_newton(group.map, curvature, Lanes(group.area * k.bend.total()));
+    const double bend = k.bend.total();
+    auto h = curvature_gauss_newton(
+        group.map, curvature,
+        {group.areas[0] * bend, group.areas[1] * bend, group.areas[2] * bend});
     if (kind == HessianKind::exact) add_curvature_hessian(group.map, curvature, moment, h);
     for (std::size_t v = 0; v < 6; ++v) writer.add(h.diagonal[v], group.vertices[v]);
     for (std::size_t b = 0; b < 15; ++b)
@@ -509,11 +533,12 @@ void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& 
   for (const TriangleGroup& group : elements.triangles) {
     const auto c = strains_of(group, x);
     const auto rate = strain_rates(group, c, v);
-    add_gradient(group,
-                 membrane_gradient(c, {-(k.stretch.k * c.u.value + k.stretch.kd * rate.u),
-                                       -(k.stretch.k * c.v.value + k.stretch.kd * rate.v),
-                                       -(k.shear.k * c.shear + k.shear.kd * rate.s)}),
-                 force);
+    add_gradient(
+        group,
+        membrane_gradient(c, {-group.u_layers * (k.stretch.k * c.u.value + k.stretch.kd * rate.u),
+                              -group.v_layers * (k.stretch.k * c.v.value + k.stretch.kd * rate.v),
+                              -(k.shear.k * c.shear + k.shear.kd * rate.s)}),
+        force);
   }
   for (const DiagonalGroup& group : elements.diagonals) {
     const DiagonalStrains c = strains_of(group, x);
@@ -528,7 +553,7 @@ void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& 
     const auto rate = curvature_rates(group, curvature, v);
     std::array<Lanes, 3> moment;
     for (std::size_t i = 0; i < 3; ++i)
-      moment[i] = -group.area * (k.bend.k * curvature.value[i] + k.bend.kd * rate[i]);
+      moment[i] = -group.areas[i] * (k.bend.k * curvature.value[i] + k.bend.kd * rate[i]);
     add_gradient(group, curvature, moment, force);
   }
 }
@@ -537,32 +562,35 @@ template <class Pressure>
 void ClothModel::Impl::add_drag(double tangential, const Pressure& pressure, const Points& x,
                                 const Points& v, Points& force) const {
   for (const TriangleGroup& group : elements.triangles) {
-    const TrianglePositions p = positions(group, x), q = positions(group, v);
+    const TrianglePositions p = positions(group, x);
     const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
-    const Vector3<Lanes> mean = broadcast<Lanes>(1.0 / 3) * (q.x0 + q.x1 + q.x2);
+    const Vector3<Lanes> mean = mean_velocity(group, v);
     const Lanes s = dot(mean, n);
     const Vector3<Lanes> resistance =
         pressure(s) * n + broadcast<Lanes>(tangential) * (mean - s * n);
-    const Vector3<Lanes> share = (group.shape.area * (-1.0 / 3)) * resistance;
-    for (const LaneIndices& vertices : group.vertices) scatter_add(share, vertices, force.data());
+    const Vector3<Lanes> of_triangle = -group.shape.area * resistance;
+    // Not a loop: GCC 12 at -O3 loses what it stores.
+    scatter_add(group.shares[0] * of_triangle, group.vertices[0], force.data());
+    scatter_add(group.shares[1] * of_triangle, group.vertices[1], force.data());
+    scatter_add(group.shares[2] * of_triangle, group.vertices[2], force.data());
   }
 }
 
 ClothModel::ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double areal_density,
-                       const Vec3& gravity)
+                       const Vec3& gravity, double hem_width)
     : impl_(std::make_unique<Impl>()) {
   validate(mesh, "mesh");
   if (!(areal_density > 0 && areal_density <= 100))
     throw Error(fmt::format("areal density {} kg/m^2 is outside (0, 100]", areal_density));
   impl_->mesh = mesh;
-  impl_->areal_density = areal_density;
   impl_->gravity = gravity;
   require_motion_model(fabric);
   impl_->model = fabric.model;
-  impl_->elements = detail::make_elements(mesh, fabric.model == "baraff-witkin-diagonals"
-                                                    ? detail::Diagonals::all
-                                                    : detail::Diagonals::none);
-  impl_->masses = areal_density * vertex_areas(mesh);
+  impl_->index.diagonals = fabric.model == "baraff-witkin-diagonals";
+  const detail::Hem hem(mesh, hem_width);
+  impl_->elements = detail::make_elements(
+      mesh, impl_->index.diagonals ? detail::Diagonals::all : detail::Diagonals::none, hem);
+  impl_->masses = areal_density * (vertex_areas(mesh) + hem.vertex_areas());
   impl_->components = component_table(impl_->elements, component_count());
   set_fabric(fabric);
 }
@@ -574,7 +602,7 @@ ClothModel& ClothModel::operator=(ClothModel&&) noexcept = default;
 void ClothModel::set_fabric(const Fabric& fabric) {
   require_model(fabric, impl_->model);
   validate(fabric);
-  impl_->coefficients = Coefficients::from(fabric.values);
+  impl_->coefficients = Coefficients::from(fabric.values, impl_->index);
   impl_->values = fabric.values;
 }
 
@@ -655,17 +683,19 @@ void ClothModel::add_drag_damping(const Points& x, const Points& v, double facto
   const DragLaw& law = impl_->coefficients.drag;
   BlockWriter writer(hessian, impl_->elements.columns);
   for (const TriangleGroup& group : impl_->elements.triangles) {
-    const TrianglePositions p = positions(group, x), q = positions(group, v);
+    const TrianglePositions p = positions(group, x);
     const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
-    const Lanes s = broadcast<Lanes>(1.0 / 3) * dot(q.x0 + q.x1 + q.x2, n);
-    const Lanes scale = (factor / 9) * group.shape.area;
+    const Lanes s = dot(mean_velocity(group, v), n);
+    const Lanes scale = factor * group.shape.area;
     SymmetricMatrix3<Lanes> block = (scale * (law.pressure_rate(s) - law.tangential)) * outer(n);
     detail::add_to_diagonal(Lanes(scale * law.tangential), block);
-    const Matrix3<Lanes> full = block.full();
-    for (const LaneIndices& vertices : group.vertices) writer.add(block, vertices);
-    for (std::size_t k = 0; k < group.slots.size(); ++k)
-      writer.add(full, group.slots[k], group.vertices[detail::kPairs[k][0]],
-                 group.vertices[detail::kPairs[k][1]]);
+    for (std::size_t i = 0; i < 3; ++i)
+      writer.add((group.shares[i] * group.shares[i]) * block, group.vertices[i]);
+    for (std::size_t k = 0; k < group.slots.size(); ++k) {
+      const auto [row, column] = detail::kPairs[k];
+      writer.add(((group.shares[row] * group.shares[column]) * block).full(), group.slots[k],
+                 group.vertices[row], group.vertices[column]);
+    }
   }
 }
 
@@ -679,27 +709,33 @@ void ClothModel::force_derivative(const Points& x, const Points& v, int paramete
                                   Points& derivative) const {
   assert(parameter >= 0 && parameter < impl_->values.size());
   drag_derivative(x, v, parameter, derivative);
-  if (parameter >= kDragTangential && parameter <= kDragDegradation) return;
+  if (drag_depends_on(parameter)) return;
   // Forces are linear in these parameters: those of a fabric that has this one alone.
-  const Coefficients k = Coefficients::from(VecX::Unit(impl_->values.size(), parameter));
+  const Coefficients k =
+      Coefficients::from(VecX::Unit(impl_->values.size(), parameter), impl_->index);
   impl_->add_internal_forces(k, x, v, derivative);
 }
 
-bool ClothModel::drag_depends_on(int parameter) const { return parameter >= kDragTangential; }
+bool ClothModel::drag_depends_on(int parameter) const {
+  return (parameter >= kDragTangential && parameter <= kDragDegradation) ||
+         parameter == impl_->index.drag_linear();
+}
 
 void ClothModel::drag_derivative(const Points& x, const Points& v, int parameter,
                                  Points& derivative) const {
   derivative.setZero(3, x.cols());
-  DragLaw law = impl_->coefficients.drag;
+  const DragLaw& law = impl_->coefficients.drag;
   const auto none = [](const Lanes&) { return Lanes{}; };
-  const auto pressure = [&](const Lanes& s) { return law.pressure(s); };
+  // The drag is proportional to this one: that of a coefficient of 1.
+  const auto by_normal = [&](const Lanes& s) {
+    return DragLaw{.normal = 1, .degradation = law.degradation}.pressure(s);
+  };
   const auto by_degradation = [&](const Lanes& s) { return law.pressure_by_degradation(s); };
+  const auto by_linear = [](const Lanes& s) { return s; };
   if (parameter == kDragTangential) impl_->add_drag(1, none, x, v, derivative);
+  if (parameter == kDragNormal) impl_->add_drag(0, by_normal, x, v, derivative);
   if (parameter == kDragDegradation) impl_->add_drag(0, by_degradation, x, v, derivative);
-  if (parameter == kDragNormal) {  // linear: the pressure of a coefficient of 1
-    law.normal = 1;
-    impl_->add_drag(0, pressure, x, v, derivative);
-  }
+  if (parameter == impl_->index.drag_linear()) impl_->add_drag(0, by_linear, x, v, derivative);
 }
 
 const ComponentTable& ClothModel::components() const { return impl_->components; }
@@ -750,18 +786,18 @@ void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) cons
 }
 
 void ClothModel::drag_jacobian(const Points& x, const Points& v, DragJacobian& jacobian) const {
-  // The force on each vertex is -A / 3 (P(s) n + k_T (m - s n)) with the mean velocity m, s = m . n
-  // and n = N / |N|, N = (x1 - x0) x (x2 - x0).
+  // The force is -A (P(s) n + k_T (m - s n)) with the mean velocity m, s = m . n and n = N / |N|,
+  // N = (x1 - x0) x (x2 - x0).
   const DragLaw& law = impl_->coefficients.drag;
   jacobian.groups.resize(impl_->elements.triangles.size());
   for (std::size_t i = 0; i < impl_->elements.triangles.size(); ++i) {
     const TriangleGroup& group = impl_->elements.triangles[i];
-    const TrianglePositions p = positions(group, x), q = positions(group, v);
+    const TrianglePositions p = positions(group, x);
     const Vector3<Lanes> area_vector = cross(p.x1 - p.x0, p.x2 - p.x0);
     const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
-    const Vector3<Lanes> mean = broadcast<Lanes>(1.0 / 3) * (q.x0 + q.x1 + q.x2);
+    const Vector3<Lanes> mean = mean_velocity(group, v);
     const Lanes s = dot(mean, n), zero{}, one = broadcast<Lanes>(1);
-    const Lanes scale = (-1.0 / 3) * group.shape.area;
+    const Lanes scale = -group.shape.area;
     const Lanes length = dot(area_vector, n);
     const Lanes inverse = select(length > zero, one / length, zero);
     // By n: scale ((P' - k_T) n m^T + (P - k_T s) I); then dn = (I - n n^T) / |N| dN.
@@ -777,10 +813,10 @@ void ClothModel::drag_jacobian(const Points& x, const Points& v, DragJacobian& j
     out.by_position = {product(by_area_vector, cross_matrix(p.x2 - p.x1)),
                        product(by_area_vector, cross_matrix(p.x0 - p.x2)),
                        product(by_area_vector, cross_matrix(p.x1 - p.x0))};
-    const Lanes third = (1.0 / 3) * scale;
+    out.shares = group.shares;
     SymmetricMatrix3<Lanes> by_velocity =
-        (third * (law.pressure_rate(s) - law.tangential)) * outer(n);
-    detail::add_to_diagonal(Lanes(third * law.tangential), by_velocity);
+        (scale * (law.pressure_rate(s) - law.tangential)) * outer(n);
+    detail::add_to_diagonal(Lanes(scale * law.tangential), by_velocity);
     out.by_velocity = by_velocity.full();
   }
 }
@@ -791,7 +827,8 @@ double ClothModel::damping_power(const Points& x, const Points& v) const {
   for (const TriangleGroup& group : impl_->elements.triangles) {
     const auto rate = strain_rates(group, strains_of(group, x), v);
     power += group.shape.area *
-             (k.stretch.kd * (rate.u * rate.u + rate.v * rate.v) + k.shear.kd * rate.s * rate.s);
+             (k.stretch.kd * (group.u_layers * rate.u * rate.u + group.v_layers * rate.v * rate.v) +
+              k.shear.kd * rate.s * rate.s);
   }
   for (const DiagonalGroup& group : impl_->elements.diagonals) {
     const OfDiagonals<Lanes> rate = strain_rates(group, strains_of(group, x), v);
@@ -800,7 +837,7 @@ double ClothModel::damping_power(const Points& x, const Points& v) const {
   }
   for (const BendingGroup& group : impl_->elements.bending) {
     const auto rate = curvature_rates(group, curvature_of(group, x), v);
-    power += group.area * k.bend.kd * (rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]);
+    for (std::size_t j = 0; j < 3; ++j) power += group.areas[j] * k.bend.kd * rate[j] * rate[j];
   }
   return sum_lanes(power);
 }
@@ -809,9 +846,9 @@ double ClothModel::drag_power(const Points& x, const Points& v) const {
   const DragLaw& law = impl_->coefficients.drag;
   Lanes power{};
   for (const TriangleGroup& group : impl_->elements.triangles) {
-    const TrianglePositions p = positions(group, x), q = positions(group, v);
+    const TrianglePositions p = positions(group, x);
     const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
-    const Vector3<Lanes> mean = broadcast<Lanes>(1.0 / 3) * (q.x0 + q.x1 + q.x2);
+    const Vector3<Lanes> mean = mean_velocity(group, v);
     const Lanes s = dot(mean, n);
     const Vector3<Lanes> tangential = mean - s * n;
     power +=

@@ -37,10 +37,10 @@ struct DampingRate {
 /// A triangle that has collapsed gives finite values (stretch.h, dihedral_angle.h).
 class ClothModel {
  public:
-  /// Throws Error if the areal density is not in (0, 100] kg/m^2, or the mesh or fabric is not
-  /// valid.
+  /// `hem_width` in m (hem.h). Throws Error if the areal density is not in (0, 100] kg/m^2, the
+  /// mesh or fabric is not valid, or the mesh cannot have a hem.
   ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double areal_density,
-             const Vec3& gravity);
+             const Vec3& gravity, double hem_width = 0);
   ~ClothModel();
   ClothModel(ClothModel&&) noexcept;
   ClothModel& operator=(ClothModel&&) noexcept;
@@ -77,7 +77,8 @@ class ClothModel {
   /// Positions in hessian.valuePtr() of the 3 n diagonal entries.
   std::span<const int> diagonal_slots() const;
 
-  /// Air drag (Bhat 2003, section 3): per triangle, with v the mean of its vertices' velocities,
+  /// Air drag (Bhat 2003, section 3): per triangle, with v the mean of its vertices' velocities
+  /// by their shares of its area (grid_cells.h), by which they share the force, too,
   /// split along and across the current normal; a is the undeformed area. Added to `force`.
   void add_drag(const Points& x, const Points& v, Points& force) const;
   /// - d drag / d v (symmetric, positive semi-definite), times `factor`, added to `hessian`.

@@ -1,6 +1,8 @@
 #pragma once
 /// Air drag per area (Bhat 2003, section 3): along the normal k_N s |s| / (1 + k_f s^2) with s the
-/// normal speed, along the surface k_T times the tangential velocity.
+/// normal speed, along the surface k_T times the tangential velocity. Optional, and not of that
+/// paper: k_L s along the normal, the drag of cloth that air seeps through, or of simulators that
+/// slow vertices down in proportion to their velocity.
 #include "weft/strain/lanes.h"
 
 namespace weft::detail {
@@ -9,17 +11,18 @@ struct DragLaw {
   double tangential = 0;   ///< k_T, N s/m^3
   double normal = 0;       ///< k_N, N s^2/m^4
   double degradation = 0;  ///< k_f, s^2/m^2
+  double linear = 0;       ///< k_L, N s/m^3
 
   /// Resistance along the normal, N/m^2, with the sign of s.
   template <class T>
   T pressure(const T& s) const {
-    return normal * s * absolute(s) / (1.0 + degradation * s * s);
+    return linear * s + normal * s * absolute(s) / (1.0 + degradation * s * s);
   }
   /// Its derivative by s.
   template <class T>
   T pressure_rate(const T& s) const {
     const T denominator = 1.0 + degradation * s * s;
-    return (2 * normal) * absolute(s) / (denominator * denominator);
+    return linear + (2 * normal) * absolute(s) / (denominator * denominator);
   }
   /// The derivative of the pressure by k_f.
   template <class T>

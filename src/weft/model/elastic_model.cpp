@@ -26,7 +26,7 @@ void ElasticModel::set_history(const VecX& history) {
 }
 
 std::unique_ptr<ElasticModel> make_elastic_model(const TriangleMesh& mesh, const Fabric& fabric,
-                                                 double grain_angle) {
+                                                 double grain_angle, double hem_width) {
   validate(mesh, "mesh");
   if (!std::isfinite(grain_angle))
     throw Error(fmt::format("grain angle {} is not a finite number of radians", grain_angle));
@@ -36,6 +36,7 @@ std::unique_ptr<ElasticModel> make_elastic_model(const TriangleMesh& mesh, const
                                                 std::move(bending));
   };
   validate(fabric);
+  if (hem_width > 0) require_motion_model(fabric);
   if (fabric.model == "stvk")
     return sheet(detail::make_orthotropic_law(kMembraneShear),
                  detail::make_orthotropic_law(kPlateTwist));
@@ -49,7 +50,7 @@ std::unique_ptr<ElasticModel> make_elastic_model(const TriangleMesh& mesh, const
     return std::make_unique<detail::SpringModel>(mesh, fabric, grain_angle);
   if (fabric.model == "piecewise-linear")
     return sheet(detail::make_piecewise_linear_membrane(), detail::make_piecewise_linear_bending());
-  return detail::make_motion_elastic(mesh, fabric, grain_angle);
+  return detail::make_motion_elastic(mesh, fabric, grain_angle, hem_width);
 }
 
 }  // namespace weft

@@ -16,6 +16,9 @@ class ElasticModel {
   virtual ~ElasticModel() = default;
 
   virtual const TriangleMesh& mesh() const = 0;
+  /// Area of the cloth at each vertex, m^2, with the second layer of a hem: times the areal density
+  /// its mass.
+  virtual VecX vertex_areas() const { return weft::vertex_areas(mesh()); }
   /// Values in the order of the fabric that the model was made from (Fabric::values), SI.
   virtual const VecX& parameters() const = 0;
   /// Throws Error for a wrong count, or a value that is not finite or outside what the model can
@@ -62,9 +65,10 @@ class ElasticModel {
 
 /// The model that `fabric.model` names on `mesh`; of "baraff-witkin" and "baraff-witkin-diagonals"
 /// the elastic part. `grain_angle` (rad): u of the material lies at
-/// this angle, counter-clockwise, from the first axis of the mesh's material coordinates. Throws
-/// Error for a name that is no elastic model, or a mesh or fabric that is not valid.
+/// this angle, counter-clockwise, from the first axis of the mesh's material coordinates.
+/// `hem_width` (m): hem.h, of these two models. Throws Error for a name that is no elastic model, a
+/// mesh or fabric that is not valid, or a hem that cannot be.
 std::unique_ptr<ElasticModel> make_elastic_model(const TriangleMesh& mesh, const Fabric& fabric,
-                                                 double grain_angle = 0);
+                                                 double grain_angle = 0, double hem_width = 0);
 
 }  // namespace weft

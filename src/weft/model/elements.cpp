@@ -25,9 +25,15 @@ void place_vertices(const Vertices& vertices, const BlockPattern& pattern, int l
     group.slots[k][at(lane)] = pattern.slot(vertices[kPairs[k][0]], vertices[kPairs[k][1]]);
 }
 
-void place(const TriangleMesh& mesh, std::array<int, 3> v, const BlockPattern& pattern, int lane,
-           TriangleGroup& group) {
+void place(const TriangleMesh& mesh, const std::array<int, 3>& triangle,
+           const std::array<double, 3>& shares, const Hem& hem, const BlockPattern& pattern,
+           int lane, TriangleGroup& group) {
+  std::array<int, 3> v = triangle;
   std::sort(v.begin(), v.end());
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto corner = std::ranges::find(triangle, v[i]) - triangle.begin();
+    group.shares[i][lane] = shares[static_cast<std::size_t>(corner)];
+  }
   place_vertices(v, pattern, lane, group);
   const auto shape =
       triangle_shape(mesh.material.col(v[0]), mesh.material.col(v[1]), mesh.material.col(v[2]));
@@ -36,14 +42,31 @@ void place(const TriangleMesh& mesh, std::array<int, 3> v, const BlockPattern& p
   group.shape.dv1[lane] = shape.dv1;
   group.shape.dv2[lane] = shape.dv2;
   group.shape.area[lane] = lane < group.count ? shape.area : 0;
+  const Vec2 second = hem.area(v[0], v[1]) + hem.area(v[0], v[2]) + hem.area(v[1], v[2]);
+  group.u_layers[lane] = 1 + second.x() / shape.area;
+  group.v_layers[lane] = 1 + second.y() / shape.area;
 }
 
-void place(const BendingElement& element, const BlockPattern& pattern, int lane,
-           BendingGroup& group) {
+/// By component, with the hem's on the sides at the element's corner: the line of the rim turns at
+/// its vertices, each with half of its two edges.
+std::array<double, 3> areas_of(const TriangleMesh& mesh, const BendingElement& element,
+                               const Hem& hem) {
+  const int corner = element.vertices[0], right = element.vertices[1], up = element.vertices[2];
+  const Vec2 second = hem.area(corner, right) + hem.area(corner, up);
+  if (second.isZero(0)) return {element.area, element.area, element.area};
+  const auto length = [&](int to) {
+    return (mesh.material.col(to) - mesh.material.col(corner)).norm();
+  };
+  const double share = 2 * element.area / (length(right) * length(up));
+  return {element.area + share * second.x(), element.area + share * second.y(), element.area};
+}
+
+void place(const BendingElement& element, const std::array<double, 3>& areas,
+           const BlockPattern& pattern, int lane, BendingGroup& group) {
   place_vertices(element.vertices, pattern, lane, group);
   for (std::size_t k = 0; k < 3; ++k)
     for (std::size_t j = 0; j < 3; ++j) group.map.r[k][j][lane] = element.map.r[k][j];
-  group.area[lane] = lane < group.count ? element.area : 0;
+  for (std::size_t k = 0; k < 3; ++k) group.areas[k][lane] = lane < group.count ? areas[k] : 0;
 }
 
 void place(const DiagonalElement& element, const BlockPattern& pattern, int lane,
@@ -71,7 +94,7 @@ std::vector<Group> groups(int count, const Place& place_one) {
 
 }  // namespace
 
-Elements make_elements(const TriangleMesh& mesh, Diagonals which) {
+Elements make_elements(const TriangleMesh& mesh, Diagonals which, const Hem& hem) {
   Elements elements;
   const std::vector<BendingElement> bending = bending_elements(mesh);
   const std::vector<DiagonalElement> diagonals =
@@ -81,18 +104,21 @@ Elements make_elements(const TriangleMesh& mesh, Diagonals which) {
   elements.columns = pattern.columns();
   elements.diagonal_slots = pattern.diagonal_slots();
   elements.bending_count = static_cast<int>(bending.size());
+  const auto shares = area_shares(mesh);
   elements.triangles =
       groups<TriangleGroup>(mesh.triangle_count(), [&](int t, int lane, TriangleGroup& group) {
-        place(mesh, mesh.triangles[at(t)], pattern, lane, group);
+        place(mesh, mesh.triangles[at(t)], shares[at(t)], hem, pattern, lane, group);
       });
   elements.diagonal_count = static_cast<int>(diagonals.size());
   elements.diagonals =
       groups<DiagonalGroup>(elements.diagonal_count, [&](int t, int lane, DiagonalGroup& group) {
         place(diagonals[at(t)], pattern, lane, group);
       });
-  elements.bending = groups<BendingGroup>(
-      elements.bending_count,
-      [&](int t, int lane, BendingGroup& group) { place(bending[at(t)], pattern, lane, group); });
+  elements.bending =
+      groups<BendingGroup>(elements.bending_count, [&](int t, int lane, BendingGroup& group) {
+        const BendingElement& element = bending[at(t)];
+        place(element, areas_of(mesh, element, hem), pattern, lane, group);
+      });
   return elements;
 }
 

@@ -7,6 +7,7 @@
 #include "weft/model/bending.h"
 #include "weft/model/block_pattern.h"
 #include "weft/model/diagonals.h"
+#include "weft/model/hem.h"
 #include "weft/strain/triangle_shape.h"
 
 namespace weft::detail {
@@ -18,6 +19,8 @@ struct TriangleGroup {
   std::array<std::array<int, kLanes>, 3> vertices;
   std::array<std::array<int, kLanes>, 3> slots;  ///< blocks (1,0), (2,0), (2,1)
   TriangleShape<Lanes> shape;
+  std::array<Lanes, 3> shares;  ///< of the vertices in the area (grid_cells.h): of the drag
+  Lanes u_layers, v_layers;     ///< of cloth that stretches along u and v: 1, more at a hem
 };
 
 /// kLanes bending elements. `slots` of the blocks (1,0), (2,0), (2,1), (3,0) ...
@@ -28,7 +31,7 @@ struct BendingGroup {
   std::array<std::array<int, kLanes>, 6> vertices;
   std::array<std::array<int, kLanes>, 15> slots;
   CurvatureMap<Lanes> map;
-  Lanes area;
+  std::array<Lanes, 3> areas;  ///< by component of the curvature; they differ at a hem
 };
 
 /// kLanes diagonal elements, with slots as in BendingGroup.
@@ -52,6 +55,6 @@ struct Elements {
 };
 
 enum class Diagonals { none, all };
-Elements make_elements(const TriangleMesh& mesh, Diagonals diagonals);
+Elements make_elements(const TriangleMesh& mesh, Diagonals diagonals, const Hem& hem);
 
 }  // namespace weft::detail

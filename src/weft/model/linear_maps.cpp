@@ -29,11 +29,14 @@ void add_product(const Matrix3<Lanes>& m, int lane, const Directions& directions
     sum[i] += m.m[3 * i][lane] * x + m.m[3 * i + 1][lane] * y + m.m[3 * i + 2][lane] * z;
 }
 
-void add_to_vertices(const DragJacobian::Group& group, std::size_t lane, double factor,
-                     const std::array<DirectionsRow, 3>& share, Directions& forces) {
-  for (const auto& vertices : group.vertices)
+void add_to_vertices(const DragJacobian::Group& group, int lane, double factor,
+                     const std::array<DirectionsRow, 3>& force, Directions& forces) {
+  for (std::size_t v = 0; v < 3; ++v) {
+    const int vertex = group.vertices[v][static_cast<std::size_t>(lane)];
+    const double share = factor * group.shares[v][lane];
     for (int i = 0; i < 3; ++i)
-      row_of(forces, 3 * vertices[lane] + i) += factor * share[static_cast<std::size_t>(i)];
+      row_of(forces, 3 * vertex + i) += share * force[static_cast<std::size_t>(i)];
+  }
 }
 
 }  // namespace
@@ -53,11 +56,11 @@ void DragJacobian::add_by_position(const Directions& directions, Directions& for
   for (const Group& group : groups)
     for (int lane = 0; lane < group.count; ++lane) {
       const auto l = static_cast<std::size_t>(lane);
-      std::array<DirectionsRow, 3> share{DirectionsRow::Zero(), DirectionsRow::Zero(),
+      std::array<DirectionsRow, 3> force{DirectionsRow::Zero(), DirectionsRow::Zero(),
                                          DirectionsRow::Zero()};
       for (std::size_t v = 0; v < 3; ++v)
-        add_product(group.by_position[v], lane, directions, group.vertices[v][l], share);
-      add_to_vertices(group, l, 1, share, forces);
+        add_product(group.by_position[v], lane, directions, group.vertices[v][l], force);
+      add_to_vertices(group, lane, 1, force, forces);
     }
 }
 
@@ -66,17 +69,20 @@ void DragJacobian::add_by_velocity(double factor, const Directions& directions,
   for (const Group& group : groups)
     for (int lane = 0; lane < group.count; ++lane) {
       const auto l = static_cast<std::size_t>(lane);
-      std::array<DirectionsRow, 3> sum;
-      for (int i = 0; i < 3; ++i)
-        sum[static_cast<std::size_t>(i)] = row_of(directions, 3 * group.vertices[0][l] + i) +
-                                           row_of(directions, 3 * group.vertices[1][l] + i) +
-                                           row_of(directions, 3 * group.vertices[2][l] + i);
-      std::array<DirectionsRow, 3> share;
+      std::array<DirectionsRow, 3> mean;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const auto of_vertex = [&](std::size_t v) {
+          return group.shares[v][lane] *
+                 row_of(directions, 3 * group.vertices[v][l] + static_cast<int>(i));
+        };
+        mean[i] = of_vertex(0) + of_vertex(1) + of_vertex(2);
+      }
+      std::array<DirectionsRow, 3> force;
       for (std::size_t i = 0; i < 3; ++i)
-        share[i] = group.by_velocity.m[3 * i][lane] * sum[0] +
-                   group.by_velocity.m[3 * i + 1][lane] * sum[1] +
-                   group.by_velocity.m[3 * i + 2][lane] * sum[2];
-      add_to_vertices(group, l, factor, share, forces);
+        force[i] = group.by_velocity.m[3 * i][lane] * mean[0] +
+                   group.by_velocity.m[3 * i + 1][lane] * mean[1] +
+                   group.by_velocity.m[3 * i + 2][lane] * mean[2];
+      add_to_vertices(group, lane, factor, force, forces);
     }
 }
 

@@ -92,7 +92,8 @@ void StrainJacobian::add_transposed_rows(const Factor& factor, Directions& force
 }
 
 /// The derivatives of the air drag by positions and velocities at one state. The drag of a triangle
-/// is shared by its vertices in equal parts, and depends on the mean of their velocities.
+/// is shared by its vertices, and depends on the mean of their velocities, both by their shares of
+/// its area.
 class DragJacobian {
  public:
   /// `forces` += df_drag/dx `directions`.
@@ -104,7 +105,8 @@ class DragJacobian {
   struct Group {
     int count;
     std::array<std::array<int, kLanes>, 3> vertices;
-    /// by_position[vertex] and by_velocity (the same for each vertex): of the force on each vertex.
+    std::array<Lanes, 3> shares;  ///< of the vertices
+    /// Of the drag of the whole triangle, by the position of each vertex and by the mean velocity.
     std::array<Matrix3<Lanes>, 3> by_position;
     Matrix3<Lanes> by_velocity;
   };

@@ -1,5 +1,5 @@
 #pragma once
-/// In-plane energy of a triangle, 1/2 area (k_s C_u^2 + k_s C_v^2 + k_t C_s^2) and its damping, as
+/// In-plane energy of a triangle, 1/2 area (k_u C_u^2 + k_v C_v^2 + k_s C_s^2) and its damping, as
 /// a function of the six numbers (w_u, w_v). Positions enter linearly (triangle_shape.h), so that
 /// the blocks of the Hessian by vertices are combinations of three 3 x 3 matrices.
 #include "weft/strain/shear.h"
@@ -74,12 +74,17 @@ struct MembraneHessian {
   Matrix3<T> uv;
 };
 
+/// Second derivatives of the energy density by the three strains, N/m.
+template <class T>
+struct MembraneStiffness {
+  T u, v, s;
+};
+
 /// The stiffness that comes with the squares of the gradients: positive semi-definite.
 template <class T>
-inline MembraneHessian<T> gauss_newton(const MembraneStrains<T>& c, double stretch, double shear) {
-  const T k = broadcast<T>(stretch), ks = broadcast<T>(shear);
-  return {k * outer(c.u.direction) + ks * outer(c.w.wv),
-          k * outer(c.v.direction) + ks * outer(c.w.wu), outer(ks * c.w.wv, c.w.wu)};
+inline MembraneHessian<T> gauss_newton(const MembraneStrains<T>& c, const MembraneStiffness<T>& k) {
+  return {k.u * outer(c.u.direction) + k.s * outer(c.w.wv),
+          k.v * outer(c.v.direction) + k.s * outer(c.w.wu), outer(k.s * c.w.wv, c.w.wu)};
 }
 
 template <class T>
@@ -109,9 +114,9 @@ inline void add_outer(const T& s, const Vector3<T>& b, const Vector3<T>& c, Matr
 
 template <class T>
 inline MembraneHessian<T> exact_hessian(const MembraneStrains<T>& c,
-                                        const MembraneTension<T>& tension, double stretch,
-                                        double shear) {
-  MembraneHessian<T> h = gauss_newton(c, stretch, shear);
+                                        const MembraneTension<T>& tension,
+                                        const MembraneStiffness<T>& k) {
+  MembraneHessian<T> h = gauss_newton(c, k);
   const T su = tension.u * c.u.inverse_length, sv = tension.v * c.v.inverse_length;
   add_to_diagonal(su, h.uu);
   add_outer(T(-su), c.u.direction, h.uu);
@@ -148,10 +153,9 @@ inline void project(T& a, T& b, T& c) {
 /// stretches under tension are kept there.
 template <class T>
 inline MembraneHessian<T> projected_hessian(const MembraneStrains<T>& c,
-                                            const MembraneTension<T>& tension, double stretch,
-                                            double shear) {
-  const T zero = broadcast<T>(0), one = broadcast<T>(1);
-  const T k = broadcast<T>(stretch), ks = broadcast<T>(shear);
+                                            const MembraneTension<T>& tension,
+                                            const MembraneStiffness<T>& k) {
+  const T zero = broadcast<T>(0), one = broadcast<T>(1), ks = k.s;
   const T su = tension.u * c.u.inverse_length, sv = tension.v * c.v.inverse_length;
   const T length_u = c.u.value + one, length_v = c.v.value + one;
   const T squares = length_u * length_u + length_v * length_v;
@@ -166,10 +170,10 @@ inline MembraneHessian<T> projected_hessian(const MembraneStrains<T>& c,
   // In the plane, with w_u = (length_u, 0) and w_v = (p, q): pivots of the exact matrix.
   const T p = c.shear * c.u.inverse_length, q = area * c.u.inverse_length;
   const T np = p * c.v.inverse_length, nq = q * c.v.inverse_length;
-  const T a11 = k + ks * p * p, a12 = ks * p * q, a13 = ks * p * length_u + tension.s;
+  const T a11 = k.u + ks * p * p, a12 = ks * p * q, a13 = ks * p * length_u + tension.s;
   const T a22 = su + ks * q * q, a23 = ks * q * length_u, a24 = tension.s;
-  const T a33 = (k - sv) * np * np + sv + ks * length_u * length_u;
-  const T a34 = (k - sv) * np * nq, a44 = (k - sv) * nq * nq + sv;
+  const T a33 = (k.v - sv) * np * np + sv + ks * length_u * length_u;
+  const T a34 = (k.v - sv) * np * nq, a44 = (k.v - sv) * nq * nq + sv;
   const T l2 = a12 / a11, l3 = a13 / a11;
   const T b22 = a22 - l2 * a12, b23 = a23 - l2 * a13, b33 = a33 - l3 * a13;
   const auto positive2 = b22 > zero;
@@ -187,7 +191,7 @@ inline MembraneHessian<T> projected_hessian(const MembraneStrains<T>& c,
   T across_u = su, across_v = sv, across_uv = tension.s;
   project(across_u, across_v, across_uv);
 
-  MembraneHessian<T> h = gauss_newton(c, stretch, shear);
+  MembraneHessian<T> h = gauss_newton(c, k);
   add_outer(select(exact, su, turn * length_u * length_u), tu, h.uu);
   add_outer(select(exact, sv, turn * length_v * length_v), tv, h.vv);
   const T in_plane = select(exact, tension.s, zero);

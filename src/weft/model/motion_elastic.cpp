@@ -6,17 +6,20 @@
 namespace weft::detail {
 namespace {
 
-/// Masses and gravity are not looked at; a ClothModel wants some.
-constexpr double kAnyDensity = 1;  // kg/m^2
+/// Makes areas of masses; gravity is not looked at.
+constexpr double kUnitDensity = 1;  // kg/m^2
 
 class MotionElastic final : public ElasticModel {
  public:
-  MotionElastic(const TriangleMesh& mesh, const Fabric& fabric, double grain_angle)
+  MotionElastic(const TriangleMesh& mesh, const Fabric& fabric, double grain_angle,
+                double hem_width)
       : mesh_(mesh),
         fabric_(fabric),
-        model_(along_the_threads(mesh, grain_angle), fabric, kAnyDensity, Vec3::Zero()) {}
+        model_(along_the_threads(mesh, grain_angle), fabric, kUnitDensity, Vec3::Zero(),
+               hem_width) {}
 
   const TriangleMesh& mesh() const override { return mesh_; }
+  VecX vertex_areas() const override { return model_.masses() / kUnitDensity; }
   const VecX& parameters() const override { return fabric_.values; }
   void set_parameters(const VecX& values) override {
     Fabric fabric = fabric_;
@@ -54,8 +57,8 @@ class MotionElastic final : public ElasticModel {
 }  // namespace
 
 std::unique_ptr<ElasticModel> make_motion_elastic(const TriangleMesh& mesh, const Fabric& fabric,
-                                                  double grain_angle) {
-  return std::make_unique<MotionElastic>(mesh, fabric, grain_angle);
+                                                  double grain_angle, double hem_width) {
+  return std::make_unique<MotionElastic>(mesh, fabric, grain_angle, hem_width);
 }
 
 }  // namespace weft::detail

@@ -9,6 +9,6 @@ namespace weft::detail {
 /// damping and drag, which do nothing at rest, have zero derivatives. `mesh` is valid, `fabric` of
 /// such a model. Bending has the twist factor of bending.h.
 std::unique_ptr<ElasticModel> make_motion_elastic(const TriangleMesh& mesh, const Fabric& fabric,
-                                                  double grain_angle);
+                                                  double grain_angle, double hem_width);
 
 }  // namespace weft::detail

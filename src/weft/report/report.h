@@ -76,6 +76,7 @@ struct ReportCapture {
   std::string folder;
   double width = 0, height = 0;     ///< swatch, m
   double areal_density = 0;         ///< kg/m^2
+  double hem_width = 0;             ///< m
   double frame_rate = 0;            ///< 1/s
   int frame_count = 0;              ///< of the video
   int fit_first = 0, fit_last = 0;  ///< inclusive

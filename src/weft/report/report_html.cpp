@@ -144,6 +144,7 @@ std::string measured_section(const Report& report) {
     html += cell("Swatch",
                  fmt::format("{} × {}", format_short(c.width), short_with_unit(c.height, "m")));
     html += cell("Areal density", short_with_unit(c.areal_density, "kg/m^2"));
+    if (c.hem_width > 0) html += cell("Hem", short_with_unit(c.hem_width, "m"));
     html +=
         cell("Video", fmt::format("{} frames, {}/s", c.frame_count, format_short(c.frame_rate)));
     html += cell("Fit frames", fmt::format("{} to {}", c.fit_first, c.fit_last));

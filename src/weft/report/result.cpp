@@ -154,6 +154,7 @@ Json json_of(const ReportCapture& capture) {
   put(object, "width", capture.width);
   put(object, "height", capture.height);
   put(object, "areal_density", capture.areal_density);
+  put(object, "hem_width", capture.hem_width);
   put(object, "frame_rate", capture.frame_rate);
   object["frame_count"] = capture.frame_count;
   object["fit_frames"] = {capture.fit_first, capture.fit_last};
@@ -436,6 +437,7 @@ ReportCapture capture_from(const Reader& in) {
   in.get("width", capture.width);
   in.get("height", capture.height);
   in.get("areal_density", capture.areal_density);
+  if (in.has("hem_width")) in.get("hem_width", capture.hem_width);
   in.get("frame_rate", capture.frame_rate);
   in.get("frame_count", capture.frame_count);
   in.get_pair("fit_frames", capture.fit_first, capture.fit_last);

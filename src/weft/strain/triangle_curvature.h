@@ -91,11 +91,12 @@ struct CurvatureHessian {
   }
 };
 
-/// rank_one times the sum over the components of gradient gradient^T. Positive semi-definite.
+/// The sum over the components of rank_one[k] gradient gradient^T, rank_one >= 0. Positive
+/// semi-definite.
 template <class T>
 inline CurvatureHessian<T> curvature_gauss_newton(const CurvatureMap<T>& map,
                                                   const TriangleCurvature<T>& curvature,
-                                                  const T& rank_one) {
+                                                  const std::array<T, 3>& rank_one) {
   std::array<std::array<Vector3<T>, 4>, 3> g;
   for (std::size_t j = 0; j < 3; ++j) g[j] = curvature.angles[j].gradient();
   std::array<std::array<Vector3<T>, 6>, 3> a{};
@@ -106,8 +107,8 @@ inline CurvatureHessian<T> curvature_gauss_newton(const CurvatureMap<T>& map,
     }
   CurvatureHessian<T> out;
   for (std::size_t row = 0; row < 6; ++row) {
-    const Vector3<T> s0 = rank_one * a[0][row], s1 = rank_one * a[1][row],
-                     s2 = rank_one * a[2][row];
+    const Vector3<T> s0 = rank_one[0] * a[0][row], s1 = rank_one[1] * a[1][row],
+                     s2 = rank_one[2] * a[2][row];
     for (std::size_t column = 0; column < row; ++column) {
       const Matrix3<T> o0 = outer(s0, a[0][column]), o1 = outer(s1, a[1][column]),
                        o2 = outer(s2, a[2][column]);
