@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/energy_battery.h"
+#include "common/cloth_battery.h"
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 #include "weft/model/bending.h"
@@ -18,7 +18,12 @@ namespace weft {
 namespace {
 
 using testing::Energy;
+using testing::flat_positions;
 using testing::near;
+using testing::points;
+using testing::potential_of;
+using testing::random_points;
+using testing::vector;
 
 constexpr double kSize = 0.02;  // m, edge of a grid cell in most tests
 const Vec3 kNoGravity = Vec3::Zero();
@@ -44,23 +49,6 @@ TriangleMesh small_mesh(GridPattern pattern = GridPattern::alternating) {
   return make_swatch(3 * kSize, 2 * kSize, 4, 3, pattern);
 }
 
-Points flat_positions(const TriangleMesh& mesh) {
-  Points x = Points::Zero(3, mesh.vertex_count());
-  x.topRows<2>() = mesh.material;
-  return x;
-}
-
-Points random_points(Rng& rng, int count, double scale) {
-  Points p(3, count);
-  for (auto& value : p.reshaped()) value = scale * rng.normal();
-  return p;
-}
-
-Points points(const VecX& flat_vector) {
-  return Eigen::Map<const Points>(flat_vector.data(), 3, flat_vector.size() / 3);
-}
-VecX vector(const Points& p) { return Eigen::Map<const VecX>(p.data(), p.size()); }
-
 /// States that a simulation meets, and some that it should not: lightly bent, strongly deformed,
 /// compressed to half, sheared, folded.
 std::vector<Points> states(const TriangleMesh& mesh) {
@@ -82,24 +70,6 @@ std::vector<Points> states(const TriangleMesh& mesh) {
     }
   out.push_back(folded);
   return out;
-}
-
-/// The model's potential with the damping of an integrator's step.
-Energy potential_of(const ClothModel& model, const DampingRate& damping) {
-  const auto hessian = [&model, damping](const VecX& x, HessianKind kind) {
-    SparseMatrix h = model.hessian_pattern();
-    Points gradient;
-    model.potential_hessian(points(x), damping, kind, gradient, h);
-    return testing::from_lower(h);
-  };
-  return {[&model, damping](const VecX& x) { return model.potential(points(x), damping); },
-          [&model, damping](const VecX& x) {
-            Points gradient;
-            model.potential_gradient(points(x), damping, gradient);
-            return vector(gradient);
-          },
-          [hessian](const VecX& x) { return hessian(x, HessianKind::exact); },
-          [hessian](const VecX& x) { return hessian(x, HessianKind::positive_semidefinite); }};
 }
 
 TEST(ClothModel, NoForceAndNoEnergyAtRest) {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/energy_battery.h"
+#include "common/cloth_battery.h"
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 #include "weft/mesh/grid_lines.h"
@@ -17,6 +17,8 @@ namespace {
 
 using testing::Energy;
 using testing::near;
+using testing::points;
+using testing::potential_of;
 
 constexpr double kSize = 0.02;     // m, edge of a grid cell
 constexpr double kStep = 2e-5;     // of kSize: few diagonals go slack or taut within it
@@ -54,31 +56,12 @@ ClothModel model_of(const Fabric& fabric, const TriangleMesh& mesh = small_mesh(
   return {mesh, fabric, 0.2, Vec3::Zero()};
 }
 
-Points as_points(const VecX& x) { return x.reshaped(3, x.size() / 3); }
-
 /// Flat, scaled in the plane and crumpled: some diagonals taut, some slack.
 VecX state(const TriangleMesh& mesh, double scale, double noise, Rng& rng) {
   VecX x = VecX::Zero(3 * mesh.vertex_count());
   for (int i = 0; i < mesh.vertex_count(); ++i) x.segment<2>(3 * i) = scale * mesh.material.col(i);
   for (auto& value : x) value += noise * kSize * rng.normal();
   return x;
-}
-
-Energy potential_of(const ClothModel& model, const DampingRate& damping) {
-  const auto hessian = [&model, damping](const VecX& x, HessianKind kind) {
-    SparseMatrix h = model.hessian_pattern();
-    Points gradient;
-    model.potential_hessian(as_points(x), damping, kind, gradient, h);
-    return testing::from_lower(h);
-  };
-  return {[&model, damping](const VecX& x) { return model.potential(as_points(x), damping); },
-          [&model, damping](const VecX& x) {
-            Points gradient;
-            model.potential_gradient(as_points(x), damping, gradient);
-            return VecX(flat(gradient));
-          },
-          [hessian](const VecX& x) { return hessian(x, HessianKind::exact); },
-          [hessian](const VecX& x) { return hessian(x, HessianKind::positive_semidefinite); }};
 }
 
 TEST(Diagonals, Battery) {
@@ -88,7 +71,7 @@ TEST(Diagonals, Battery) {
     for (const Fabric& fabric : {test_fabric(), diagonals_alone()}) {
       const ClothModel model = model_of(fabric, mesh);
       VecX history;
-      model.strains(as_points(state(mesh, 1.1, 0.1, rng)), history);
+      model.strains(points(state(mesh, 1.1, 0.1, rng)), history);
       history *= 200;
       for (const double scale : {0.6, 1.0, 1.3}) {
         const VecX x = state(mesh, scale, 0.15, rng);
@@ -203,18 +186,18 @@ TEST(Diagonals, DampingForceIsThatOfThePotential) {
   VecX v(x.size());
   for (auto& value : v) value = rng.normal();
   VecX history;
-  model.strains(as_points(x - v / rate), history);
+  model.strains(points(x - v / rate), history);
   history *= rate;
   Points gradient, force;
-  model.potential_gradient(as_points(x), {rate, &history}, gradient);
-  model.forces(as_points(x), as_points(v), force);
+  model.potential_gradient(points(x), {rate, &history}, gradient);
+  model.forces(points(x), points(v), force);
   EXPECT_TRUE(near(-gradient, force, 1e-4));
   // Power of the damping: what the part of the force that is linear in v takes.
   Points still;
-  model.forces(as_points(x), Points::Zero(3, model.vertex_count()), still);
+  model.forces(points(x), Points::Zero(3, model.vertex_count()), still);
   const double power = -flat(Points(force - still)).dot(v);
   EXPECT_GT(power, 0);
-  EXPECT_NEAR(model.damping_power(as_points(x), as_points(v)), power, 1e-12 * power);
+  EXPECT_NEAR(model.damping_power(points(x), points(v)), power, 1e-12 * power);
 }
 
 TEST(Diagonals, LinearMapsForSensitivities) {
@@ -222,14 +205,14 @@ TEST(Diagonals, LinearMapsForSensitivities) {
   Rng rng(5);
   const VecX x = state(model.mesh(), 1.05, 0.15, rng);
   StrainJacobian jacobian;
-  model.strain_jacobian(as_points(x), jacobian);
+  model.strain_jacobian(points(x), jacobian);
   Directions directions(x.size(), kDirections);
   for (Eigen::Index i = 0; i < directions.size(); ++i) directions.data()[i] = rng.normal();
   Directions strains;
   jacobian.multiply(directions, strains);
   const auto f = [&](const VecX& at) {
     VecX c;
-    model.strains(as_points(at), c);
+    model.strains(points(at), c);
     return c;
   };
   ASSERT_EQ(strains.rows(), model.component_count());
@@ -242,15 +225,15 @@ TEST(Diagonals, LinearMapsForSensitivities) {
   for (Eigen::Index i = 0; i < c.size(); ++i)
     energy += 0.5 * table.weight[i] * model.values()[table.stiffness[static_cast<std::size_t>(i)]] *
               c[i] * c[i];
-  EXPECT_NEAR(energy, model.elastic_energy(as_points(x)), 1e-13 * energy);
+  EXPECT_NEAR(energy, model.elastic_energy(points(x)), 1e-13 * energy);
 }
 
 TEST(Diagonals, ForceDerivativeByItsParameters) {
   Fabric fabric = test_fabric();
   Rng rng(6);
   const ClothModel model = model_of(fabric);
-  const Points x = as_points(state(model.mesh(), 1.05, 0.15, rng));
-  const Points v = as_points(state(model.mesh(), 10, 5, rng));
+  const Points x = points(state(model.mesh(), 1.05, 0.15, rng));
+  const Points v = points(state(model.mesh(), 10, 5, rng));
   for (const int parameter : {0, 9, 10}) {
     Points analytic, ahead, behind;
     model.force_derivative(x, v, parameter, analytic);

@@ -5,7 +5,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "common/energy_battery.h"
+#include "common/cloth_battery.h"
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 #include "weft/model/cloth_model.h"
@@ -14,7 +14,9 @@ namespace weft {
 namespace {
 
 using testing::Energy;
-using testing::near;
+using testing::flat_positions;
+using testing::potential_of;
+using testing::vector;
 
 constexpr double kSize = 0.02;    // m, edge of a grid cell
 constexpr double kStep = 2e-5;    // in cells: few diagonals go slack or taut within it
@@ -40,32 +42,6 @@ ClothModel model_of(const TriangleMesh& mesh, double hem_width,
   return {mesh, fabric_of(model), kDensity, Vec3(0, 0, -9.81), hem_width};
 }
 
-Points as_points(const VecX& x) { return x.reshaped(3, x.size() / 3); }
-VecX flat(const Points& x) { return x.reshaped(); }
-
-Points at_rest(const TriangleMesh& mesh) {
-  Points x = Points::Zero(3, mesh.vertex_count());
-  x.topRows<2>() = mesh.material;
-  return x;
-}
-
-Energy potential_of(const ClothModel& model, const DampingRate& damping) {
-  const auto hessian = [&model, damping](const VecX& x, HessianKind kind) {
-    SparseMatrix h = model.hessian_pattern();
-    Points gradient;
-    model.potential_hessian(as_points(x), damping, kind, gradient, h);
-    return testing::from_lower(h);
-  };
-  return {[&model, damping](const VecX& x) { return model.potential(as_points(x), damping); },
-          [&model, damping](const VecX& x) {
-            Points gradient;
-            model.potential_gradient(as_points(x), damping, gradient);
-            return flat(gradient);
-          },
-          [hessian](const VecX& x) { return hessian(x, HessianKind::exact); },
-          [hessian](const VecX& x) { return hessian(x, HessianKind::positive_semidefinite); }};
-}
-
 TEST(Hem, Battery) {
   Rng rng(8);
   for (const char* name : {"baraff-witkin", "baraff-witkin-diagonals"}) {
@@ -73,16 +49,16 @@ TEST(Hem, Battery) {
       const TriangleMesh mesh = small_mesh(pattern);
       const ClothModel model = model_of(mesh, kHem, name);
       for (const double scale : {0.6, 1.0, 1.2}) {
-        Points x = scale * at_rest(mesh);
+        Points x = scale * flat_positions(mesh);
         for (auto& value : x.reshaped()) value += 0.15 * kSize * rng.normal();
         VecX history;
         model.strains(x, history);
         history *= 150;
         for (const DampingRate& damping : {DampingRate{}, DampingRate{200, &history}}) {
           const Energy energy = potential_of(model, damping);
-          testing::expect_gradient(energy, flat(x), kStep * kSize);
-          testing::expect_hessian(energy, flat(x), kStep * kSize);
-          testing::expect_positive_semidefinite(energy.projected_hessian(flat(x)));
+          testing::expect_gradient(energy, vector(x), kStep * kSize);
+          testing::expect_hessian(energy, vector(x), kStep * kSize);
+          testing::expect_positive_semidefinite(energy.projected_hessian(vector(x)));
         }
       }
     }
@@ -105,7 +81,7 @@ TEST(Hem, HasItsShareOfTheStretch) {
   const TriangleMesh mesh = small_mesh();
   const ClothModel model = model_of(mesh, kHem), plain = model_of(mesh, 0);
   const auto added = [&](double along_u, double along_v) {
-    Points x = at_rest(mesh);
+    Points x = flat_positions(mesh);
     x.row(0) *= 1 + along_u;
     x.row(1) *= 1 + along_v;
     return model.elastic_energy(x) - plain.elastic_energy(x);
@@ -120,7 +96,7 @@ TEST(Hem, HasItsShareOfTheBend) {
     const TriangleMesh mesh = small_mesh(pattern);
     // Facets of the length of a cell, each turned by 0.2 from the one before: around v, around u.
     const auto rolled = [&](int along) {
-      Points x = at_rest(mesh);
+      Points x = flat_positions(mesh);
       for (int i = 0; i < x.cols(); ++i) {
         const auto cells = std::lround(x(along, i) / kSize);
         x(along, i) = 0;
@@ -146,7 +122,7 @@ TEST(Hem, OfHalfACellMakesTheRimAThreadLikeAnyOther) {
   const ClothModel model = model_of(mesh, 0.5 * kSize);
   SparseMatrix lower = model.hessian_pattern();
   Points gradient;
-  model.potential_hessian(at_rest(mesh), {}, HessianKind::exact, gradient, lower);
+  model.potential_hessian(flat_positions(mesh), {}, HessianKind::exact, gradient, lower);
   const MatX hessian = testing::from_lower(lower);
   for (const int row : {0, 2, 4}) {
     const auto entry = [&](int column, int other, int axis) {

@@ -13,7 +13,9 @@ namespace {
 
 constexpr double kShift = 0.1;  // of the parameter's unit, see Scale::shifted_log
 
-constexpr std::array<ParameterInfo, 10> kBaraffWitkin = {{
+/// Those of Bhat 2003, then the optional term.
+constexpr std::size_t kBhat = 9;
+constexpr std::array<ParameterInfo, kBhat + 1> kBaraffWitkin = {{
     {"stretch_stiffness", "N/m", 5, 5000, 500, Scale::logarithmic,
      "Force per width that resists a relative elongation along weft or warp.",
      "Bhat 2003, section 3, equation 1; Baraff and Witkin 1998, section 4.2"},
@@ -48,32 +50,34 @@ constexpr std::array<ParameterInfo, 10> kBaraffWitkin = {{
 
 /// Those of `baraff-witkin`, in which the resistance to shear may be nearly nothing, and the
 /// diagonals.
-constexpr std::array<ParameterInfo, 12> with_diagonals() {
-  std::array<ParameterInfo, 12> out{};
-  for (std::size_t i = 0; i < 9; ++i) out[i] = kBaraffWitkin[i];
+constexpr std::array<ParameterInfo, kBhat + 3> with_diagonals() {
+  std::array<ParameterInfo, kBhat + 3> out{};
+  for (std::size_t i = 0; i < kBhat; ++i) out[i] = kBaraffWitkin[i];
   out[1].lower = 0.01;
   out[1].default_value = 1;
-  out[9] = {"diagonal_stiffness",
-            "N/m",
-            1,
-            5000,
-            100,
-            Scale::logarithmic,
-            "Force per width that resists an elongation at 45 degrees to the threads; none against "
-            "shortening.",
-            "springs along both diagonals that act in tension only: strain/diagonal.h"};
-  out[10] = {"diagonal_damping",
-             "N s/m",
-             1e-3,
-             20,
-             0.1,
-             Scale::logarithmic,
-             "Force per width that resists the rate of elongation at 45 degrees while in tension.",
-             "as stretch_damping, along taut diagonals"};
-  out[11] = kBaraffWitkin[9];
+  out[kBhat] = {
+      "diagonal_stiffness",
+      "N/m",
+      1,
+      5000,
+      100,
+      Scale::logarithmic,
+      "Force per width that resists an elongation at 45 degrees to the threads; none against "
+      "shortening.",
+      "springs along both diagonals that act in tension only: strain/diagonal.h"};
+  out[kBhat + 1] = {
+      "diagonal_damping",
+      "N s/m",
+      1e-3,
+      20,
+      0.1,
+      Scale::logarithmic,
+      "Force per width that resists the rate of elongation at 45 degrees while in tension.",
+      "as stretch_damping, along taut diagonals"};
+  out[kBhat + 2] = kBaraffWitkin[kBhat];
   return out;
 }
-constexpr std::array<ParameterInfo, 12> kDiagonals = with_diagonals();
+constexpr std::array kDiagonals = with_diagonals();
 
 constexpr Presence kOptional = Presence::optional;
 constexpr const char* kFrictionSource = "P. R. Dahl 1968; quasi-static, see model/friction.h";
@@ -309,7 +313,7 @@ double from_search_coordinate(Scale scale, double t) {
 }  // namespace
 
 std::span<const ParameterInfo> baraff_witkin_parameters() {
-  return std::span(kBaraffWitkin).first<9>();
+  return std::span(kBaraffWitkin).first<kBhat>();
 }
 
 std::span<const ParameterInfo> model_parameters(std::string_view model) {
