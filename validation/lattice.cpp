@@ -23,7 +23,8 @@
 ///   faces' mean velocities and v_e that of the edge, each face is pushed along its normal by
 ///       f = w (2 B / h) theta - (4 c_b / h^2) ((v_a - v_e) . n_a + (v_b - v_e) . n_b),
 ///   shared evenly by its vertices, and the ends of the edge take the opposite force. w is 1 at
-///   edges, sqrt(2) at diagonals; B the bending stiffness (N m), c_b its damping (N m s).
+///   edges, sqrt(2) at diagonals; B the bending stiffness (N m), c_b its damping (N m s). An edge
+///   thus feels one angle, the mean of those at its two ends; a variant feels both.
 /// - Implicit Euler, linearised once a step of dt = 1/64 frame:
 ///       (M + dt D + dt^2 K) dv = dt (f - dt K v),    v += dv,    x += dt v,
 ///   D and K of springs (K without the part of a compressed spring across d) and drag; bending is
@@ -66,6 +67,11 @@ constexpr double kSettlingDragPart = 0.7;  // of the settling
 constexpr double kSolverTolerance = 0.01;  // of the right-hand side
 constexpr int kMaxSolverIterations = 100;
 
+enum class EdgeAngles {
+  mean,        // of the two ends, between quads
+  at_each_end  // each end by itself, half as stiff, between the triangles of the edge and its sides
+};
+
 /// A change of one term: factors on what the source has.
 struct Variant {
   std::string name;
@@ -75,6 +81,9 @@ struct Variant {
   double rim_edge = 1;
   double diagonal_bending = 1;
   double edge_compression = 1;
+  double rim_drag = 1;  // on top of what its mass does
+  EdgeAngles edge_angles = EdgeAngles::mean;
+  double solver_tolerance = kSolverTolerance;
 };
 
 std::vector<Variant> variants() {
@@ -86,7 +95,13 @@ std::vector<Variant> variants() {
           {.name = "diagonals' bending x 0.75", .diagonal_bending = 0.75},
           {.name = "no bending springs on diagonals", .diagonal_bending = 0},
           {.name = "k_d 1 % off", .diagonal = 0.99},
-          {.name = "edges at 0.1 k in compression", .edge_compression = 0.1}};
+          {.name = "edges at 0.1 k in compression", .edge_compression = 0.1},
+          {.name = "rim vertices with half drag", .rim_drag = 0.5},
+          {.name = "an angle at each end of an edge", .edge_angles = EdgeAngles::at_each_end},
+          {.name = "the same, diagonals' bending x 0.75",
+           .diagonal_bending = 0.75,
+           .edge_angles = EdgeAngles::at_each_end},
+          {.name = "solved to 1e-6", .solver_tolerance = 1e-6}};
 }
 
 struct Spring {
@@ -129,23 +144,30 @@ struct Fold {
   int i, j;
   std::array<int, 4> a, b;
   int face_size;
-  double stiffness;  // N/rad
+  double stiffness;  // what stands before the angle, N/rad
 };
 
 std::vector<Fold> make_folds(const Grid& grid, const Constants& c, const Variant& variant) {
   std::vector<Fold> folds;
   const double edge = 2 * c.bending / grid.side;
+  // Beside the edge from i to j the quads have the sides i - a, j - a2 and i - b, j - b2.
+  const auto add = [&](int i, int j, int a, int a2, int b, int b2) {
+    if (variant.edge_angles == EdgeAngles::mean) {
+      folds.push_back({i, j, {i, j, a2, a}, {i, j, b2, b}, 4, edge});
+      return;
+    }
+    // Half of the moment, by a force a third of which has a lever, not half of it.
+    const double each = 0.5 * 1.5 * edge;
+    folds.push_back({i, j, {i, j, a, 0}, {i, j, b, 0}, 3, each});
+    folds.push_back({i, j, {i, j, a2, 0}, {i, j, b2, 0}, 3, each});
+  };
   for (int r = 0; r < grid.rows; ++r) {
     for (int q = 0; q < grid.columns; ++q) {
-      const int here = grid.vertex(r, q);
-      if (q + 1 < grid.columns && !grid.rim_row(r)) {
-        folds.push_back(
-            {here, grid.vertex(r, q + 1), grid.quad(r - 1, q), grid.quad(r, q), 4, edge});
-      }
-      if (r + 1 < grid.rows && !grid.rim_column(q)) {
-        folds.push_back(
-            {here, grid.vertex(r + 1, q), grid.quad(r, q - 1), grid.quad(r, q), 4, edge});
-      }
+      const auto v = [&](int row, int column) { return grid.vertex(row, column); };
+      if (q + 1 < grid.columns && !grid.rim_row(r))
+        add(v(r, q), v(r, q + 1), v(r - 1, q), v(r - 1, q + 1), v(r + 1, q), v(r + 1, q + 1));
+      if (r + 1 < grid.rows && !grid.rim_column(q))
+        add(v(r, q), v(r + 1, q), v(r, q - 1), v(r + 1, q - 1), v(r, q + 1), v(r + 1, q + 1));
     }
   }
   const double diagonal = variant.diagonal_bending * std::numbers::sqrt2 * edge;
@@ -172,6 +194,15 @@ VecX make_masses(const Grid& grid, const Constants& c, const Variant& variant) {
   return masses;
 }
 
+VecX rim_drag(const Grid& grid, const Variant& variant) {
+  VecX share = VecX::Ones(grid.columns * grid.rows);
+  for (int r = 0; r < grid.rows; ++r)
+    for (int q = 0; q < grid.columns; ++q)
+      share[grid.vertex(r, q)] =
+          (grid.rim_row(r) ? variant.rim_drag : 1) * (grid.rim_column(q) ? variant.rim_drag : 1);
+  return share;
+}
+
 class Lattice {
  public:
   Lattice(const Grid& grid, const Constants& constants, const Variant& variant, const Scene& scene,
@@ -181,8 +212,10 @@ class Lattice {
         springs_(make_springs(grid, constants, variant)),
         folds_(make_folds(grid, constants, variant)),
         masses_(make_masses(grid, constants, variant)),
+        drag_share_(rim_drag(grid, variant)),
         fold_damping_(4 * constants.bending_damping / (grid.side * grid.side)),
         drag_rate_(constants.drag_rate),
+        tolerance_(variant.solver_tolerance),
         scene_(scene),
         tangents_(springs_.size()) {
     for (Points* points : {&force_, &dv_, &residual_, &direction_, &product_})
@@ -214,8 +247,10 @@ class Lattice {
   std::vector<Spring> springs_;
   std::vector<Fold> folds_;
   VecX masses_;          // kg
+  VecX drag_share_;      // factor on the drag of a vertex
   double fold_damping_;  // N s/m
   double drag_rate_;     // 1/s
+  double tolerance_;     // of the right-hand side
   const Scene& scene_;
   std::vector<Tangent> tangents_;
   Points force_, dv_, residual_, direction_, product_;
@@ -264,14 +299,15 @@ void Lattice::add_fold(const Fold& fold) {
 }
 
 void Lattice::evaluate(double drag_rate) {
-  force_ = (scene_.gravity.replicate(1, v.cols()) - drag_rate * v) * masses_.asDiagonal();
+  force_ = (scene_.gravity.replicate(1, v.cols()) - drag_rate * v * drag_share_.asDiagonal()) *
+           masses_.asDiagonal();
   for (std::size_t s = 0; s < springs_.size(); ++s) add_spring(springs_[s], tangents_[s]);
   for (const Fold& fold : folds_) add_fold(fold);
 }
 
 /// product = (M + dt D + dt^2 K) p.
 void Lattice::multiply(double dt, double drag_rate, const Points& p, Points& product) const {
-  product = (1 + dt * drag_rate) * p * masses_.asDiagonal();
+  product = (p + dt * drag_rate * p * drag_share_.asDiagonal()) * masses_.asDiagonal();
   for (std::size_t s = 0; s < springs_.size(); ++s) {
     const Tangent& t = tangents_[s];
     if (t.across == 0 && t.along == 0) continue;
@@ -288,7 +324,7 @@ void Lattice::solve(double dt, double drag_rate) {
   dv_.setZero();
   direction_ = residual_;
   double squared = residual_.squaredNorm();
-  const double enough = kSolverTolerance * kSolverTolerance * squared;
+  const double enough = tolerance_ * tolerance_ * squared;
   for (int k = 0; k < kMaxSolverIterations && squared > enough; ++k) {
     multiply(dt, drag_rate, direction_, product_);
     clear_fixed(product_);

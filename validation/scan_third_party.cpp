@@ -173,13 +173,18 @@ Fabric continuum(const validation::Constants& c) {
 }
 
 /// The same as threads with diagonals that act in tension only; k_d is a spring on each of two
-/// diagonals h sqrt(2) long, 2 k_d per width.
-Fabric with_diagonals(const validation::Constants& c) {
+/// diagonals h sqrt(2) long, 2 k_d per width. `own_twist`: with what the hinges along the diagonals
+/// resist twist by, 4/3 of an isotropic plate's.
+Fabric with_diagonals(const validation::Constants& c, bool own_twist) {
   Fabric fabric = Fabric::with_defaults("lattice", "baraff-witkin-diagonals");
   fabric.set("stretch_stiffness", c.edge);
   fabric.set("diagonal_stiffness", 2 * c.diagonal);
   fabric.set("bend_stiffness", c.bending);
   fabric.set("shear_stiffness", 0.01);  // the least
+  if (own_twist) {
+    fabric.include("twist_stiffness");
+    fabric.set("twist_stiffness", 4. / 3 * c.bending);
+  }
   return fabric;
 }
 
@@ -223,15 +228,19 @@ void capture_scans(const Arguments& arguments) {
     fmt::print("\n{}: {} targets on {} cells\n", name, trials.size(), arguments.cells);
     if (capture.hem_width == 0)  // a sheet has none
       fit_rest(arguments, trials, source, start, default_scan_parameters(source));
-    const Fabric threads = with_diagonals(constants);
+    const Fabric threads = with_diagonals(constants, arguments.search_twist);
     if (!arguments.make_solver()->takes(threads.model)) continue;
     Fabric off = threads;
     off.name = "start";
     off.set("stretch_stiffness", 2 * threads.value("stretch_stiffness"));
     off.set("diagonal_stiffness", 0.5 * threads.value("diagonal_stiffness"));
     off.set("bend_stiffness", 3 * threads.value("bend_stiffness"));
-    fit_rest(arguments, trials, threads, off,
-             {"stretch_stiffness", "diagonal_stiffness", "bend_stiffness"});
+    std::vector<std::string> free{"stretch_stiffness", "diagonal_stiffness", "bend_stiffness"};
+    if (arguments.search_twist) {
+      off.set("twist_stiffness", off.value("bend_stiffness"));
+      free.emplace_back("twist_stiffness");
+    }
+    fit_rest(arguments, trials, threads, off, free);
   }
 }
 

@@ -28,6 +28,7 @@ struct Arguments {
   std::filesystem::path out;  ///< captures are kept here
   std::filesystem::path data;
   std::vector<std::string> fabrics;  ///< empty: all
+  bool search_twist = false;         ///< twist_stiffness of the part "captures", beside bend's
   ScanFitOptions fit;
   std::string solver = "static";
   /// Of the fits whose intervals are shown.

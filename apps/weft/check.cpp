@@ -42,6 +42,7 @@ void run(const Arguments& arguments) {
   if (!capture.description.empty()) fmt::print("            {}\n", capture.description);
   fmt::print("swatch      {:g} x {:g} m, {:g} kg/m^2, {:.4g} kg\n", capture.width, capture.height,
              capture.areal_density, capture.areal_density * capture.width * capture.height);
+  if (capture.hem_width > 0) fmt::print("hem         {:g} m\n", capture.hem_width);
   fmt::print("video       {}: {} frames at {:g} 1/s, fit frames {} to {}\n", capture.video.string(),
              capture.frame_count, capture.frame_rate, capture.fit_first, capture.fit_last);
   fmt::print("camera      {} x {} px at ({:.3f}, {:.3f}, {:.3f}) m\n", capture.rig.width,

@@ -32,14 +32,20 @@ void apply_scale(Fabric& fabric, const std::string& text) {
   fabric.provenance += fmt::format("; {} times {:g}", parameter, *factor);
 }
 
+std::string optional_text(const ParameterInfo& info) {
+  if (info.presence == Presence::required) return "";
+  if (info.left_out_as.empty()) return "Optional. ";
+  return fmt::format("Optional; left out, it is {}. ", info.left_out_as);
+}
+
 void print_parameters(std::string_view model) {
   fmt::print("parameters of {}\n", model);
   fmt::print("  {:<19} {:<11} {:>8} {:>8} {:>9}  {}\n", "name", "unit", "lower", "upper", "default",
              "meaning");
   for (const ParameterInfo& p : model_parameters(model)) {
     fmt::print("  {:<19} {:<11} {:>8g} {:>8g} {:>9g}  {}{}{} ({})\n", p.name, p.unit, p.lower,
-               p.upper, p.default_value, p.presence == Presence::optional ? "Optional. " : "",
-               p.meaning, p.curve_over.empty() ? "" : " May be a curve.", p.source);
+               p.upper, p.default_value, optional_text(p), p.meaning,
+               p.curve_over.empty() ? "" : " May be a curve.", p.source);
   }
 }
 

@@ -70,6 +70,7 @@ void check_scan(const std::string& folder) {
   fmt::print("swatch      {:g} x {:g} m, {:g} kg/m^2, u of the fabric at {:g} degrees\n",
              capture.width, capture.height, capture.areal_density,
              capture.grain_angle * 180 / std::numbers::pi);
+  if (capture.hem_width > 0) fmt::print("hem         {:g} m\n", capture.hem_width);
   for (const ScanTarget& target : capture.targets) {
     if (target.grid.empty()) {
       fmt::print("target      {}: raw scan {}, which a fit registers\n", target.name,

@@ -9,7 +9,9 @@
 namespace weft {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 class Program : public ProgramTest {};
 
@@ -69,7 +71,10 @@ TEST_F(Program, SynthesizesACaptureShorterThanItsUsualFitFrames) {
   ASSERT_EQ(made.status, 0) << made.err;
   const Outcome checked = weft({"check", path("c")});
   EXPECT_EQ(checked.status, 0) << checked.err;
-  EXPECT_THAT(checked.out, HasSubstr("2 frames at 30 1/s, fit frames 0 to 1"));
+  EXPECT_THAT(checked.out,
+              AllOf(HasSubstr("2 frames at 30 1/s, fit frames 0 to 1"), Not(HasSubstr("hem"))));
+  replace("c/capture.toml", "hem_width = 0 ", "hem_width = 0.01 ");
+  EXPECT_THAT(weft({"check", path("c")}).out, HasSubstr("hem         0.01 m\n"));
 }
 
 }  // namespace

@@ -23,20 +23,41 @@ TEST(ParameterTable, NamesOrderAndUnits) {
   // Units follow from the laws: w kd Cdot grad C is a force with w in m^2 and C a strain, or with w
   // a number and C an angle; drag per area is k_T v and k_N v^2 / (1 + k_f v^2).
   const std::pair<const char*, const char*> expected[] = {
-      {"stretch_stiffness", "N/m"},    {"shear_stiffness", "N/m"},
-      {"bend_stiffness", "N m"},       {"stretch_damping", "N s/m"},
-      {"shear_damping", "N s/m"},      {"bend_damping", "N m s"},
-      {"drag_linear", "N s/m^3"},      {"drag_quadratic", "N s^2/m^4"},
-      {"drag_degradation", "s^2/m^2"}, {"drag_normal_linear", "N s/m^3"}};
+      {"stretch_stiffness", "N/m"},     {"shear_stiffness", "N/m"},
+      {"bend_stiffness", "N m"},        {"stretch_damping", "N s/m"},
+      {"shear_damping", "N s/m"},       {"bend_damping", "N m s"},
+      {"drag_linear", "N s/m^3"},       {"drag_quadratic", "N s^2/m^4"},
+      {"drag_degradation", "s^2/m^2"},  {"twist_stiffness", "N m"},
+      {"drag_normal_linear", "N s/m^3"}};
   const auto table = model_parameters("baraff-witkin");
   ASSERT_EQ(table.size(), std::size(expected));
-  EXPECT_EQ(table.back().presence, Presence::optional);
-  EXPECT_EQ(Fabric::with_defaults("f").value_names().size(), table.size() - 1);
-  EXPECT_EQ(baraff_witkin_parameters().size(), table.size() - 1);
+  for (const ParameterInfo& optional : table.last(2))
+    EXPECT_EQ(optional.presence, Presence::optional);
+  EXPECT_EQ(Fabric::with_defaults("f").value_names().size(), table.size() - 2);
+  EXPECT_EQ(baraff_witkin_parameters().size(), table.size() - 2);
   for (std::size_t i = 0; i < table.size(); ++i) {
     EXPECT_EQ(table[i].name, expected[i].first);
     EXPECT_EQ(table[i].unit, expected[i].second);
     EXPECT_EQ(parameter_index("baraff-witkin", table[i].name), static_cast<int>(i));
+  }
+}
+
+TEST(Fabric, ATermThatIsAnotherParameterWhereLeftOutStartsAtIt) {
+  for (const char* model : {"baraff-witkin", "baraff-witkin-diagonals"}) {
+    Fabric fabric = Fabric::with_defaults("f", model);
+    fabric.set("bend_stiffness", 3e-4);
+    fabric.include("twist_stiffness");
+    EXPECT_EQ(fabric.value("twist_stiffness"), 3e-4);
+    fabric.leave_out("twist_stiffness");
+    // With ranges of its own, such as a file gives.
+    fabric.lower = fabric.upper = fabric.values;
+    const int bend = fabric.value_index("bend_stiffness");
+    fabric.lower[bend] = 1e-5;
+    fabric.upper[bend] = 1e-3;
+    fabric.include("twist_stiffness");
+    const ParameterInfo info = fabric.info(fabric.value_index("twist_stiffness"));
+    EXPECT_EQ(info.lower, 1e-5);
+    EXPECT_EQ(info.upper, 1e-3);
   }
 }
 

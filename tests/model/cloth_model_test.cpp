@@ -42,6 +42,8 @@ Fabric test_fabric() {
   fabric.set("drag_degradation", 0.3);
   fabric.include("drag_normal_linear");
   fabric.set("drag_normal_linear", 0.7);
+  fabric.include("twist_stiffness");
+  fabric.set("twist_stiffness", 8e-3);
   return fabric;
 }
 
@@ -154,9 +156,11 @@ struct Reference {
       add(stretch_strain(shape, Thread::warp, a, b, c), stretch * shape.area, t);
       add(shear_strain(shape, a, b, c), shear * shape.area, t);
     }
+    const double bend = f.value("bend_stiffness"), twist = f.value("twist_stiffness");
     for (const BendingElement& element : bending_elements(mesh))
-      for (const auto& row : element.map.r)
-        add(curvature(element, row, x), f.value("bend_stiffness") * element.area, element.vertices);
+      for (std::size_t i = 0; i < 3; ++i)
+        add(curvature(element, element.map.r[i], x), (i < 2 ? bend : twist) * element.area,
+            element.vertices);
   }
 
   struct Strain18 {
@@ -469,6 +473,31 @@ TEST(ClothModel, ForceDerivativeByEachParameter) {
     EXPECT_TRUE(near(vector(analytic), numeric, 1e-6, floor)) << i;
     EXPECT_GT(analytic.cwiseAbs().maxCoeff(), 0) << i;
   }
+}
+
+TEST(ClothModel, TwistLeftOutIsBend) {
+  const TriangleMesh mesh = small_mesh();
+  Fabric without = test_fabric();
+  without.leave_out("twist_stiffness");
+  Fabric with = without;
+  with.include("twist_stiffness");
+  ClothModel model(mesh, without, 0.2, kNoGravity);
+  const Points x = states(mesh)[1];
+  const double energy = model.elastic_energy(x);
+  Points by_bend, by_twist;
+  model.force_derivative(x, Points::Zero(3, x.cols()), without.value_index("bend_stiffness"),
+                         by_bend);
+  model.set_fabric(with);
+  EXPECT_EQ(model.elastic_energy(x), energy);
+  Points by_bend_alone;
+  model.force_derivative(x, Points::Zero(3, x.cols()), with.value_index("bend_stiffness"),
+                         by_bend_alone);
+  model.force_derivative(x, Points::Zero(3, x.cols()), with.value_index("twist_stiffness"),
+                         by_twist);
+  EXPECT_TRUE(near(by_bend_alone + by_twist, by_bend, 1e-12));
+  with.set("twist_stiffness", 2 * with.value("twist_stiffness"));
+  model.set_fabric(with);
+  EXPECT_GT(model.elastic_energy(x), energy);
 }
 
 TEST(ClothModel, RejectsWhatIsNotAFabricOrAMesh) {

@@ -99,6 +99,12 @@ TEST(Plate, TwistByForcesAtTheCorners) {
       const int a = 0, b = n, c = n * (n + 1), d = c + n;
       const VecX z = deflection(*model, {a, b, c}, {{d, force}});
       EXPECT_NEAR(z[d], force * side * side / (4 * d66), 1e-3 * z[d]) << n;
+      Fabric fabric = Fabric::with_defaults("plate");
+      fabric.set("bend_stiffness", 2e-5);
+      fabric.include("twist_stiffness");
+      fabric.set("twist_stiffness", 2 * d66);
+      const VecX same = deflection(*make_elastic_model(mesh, fabric), {a, b, c}, {{d, force}});
+      EXPECT_NEAR(same[d], z[d], 1e-3 * z[d]) << n;
     }
 }
 

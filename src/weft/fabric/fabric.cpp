@@ -315,7 +315,13 @@ std::vector<std::string> Fabric::value_names() const {
 void Fabric::include(std::string_view row) {
   const int index = parameter_index(model, row);
   if (value_count(index) > 0) return;
-  resize_row(index, {}, VecX::Constant(1, model_parameters(model)[at(index)].default_value));
+  const ParameterInfo& info = model_parameters(model)[at(index)];
+  if (info.left_out_as.empty()) return resize_row(index, {}, VecX::Constant(1, info.default_value));
+  const std::string_view like = info.left_out_as;
+  resize_row(index, {}, VecX::Constant(1, value(like)));
+  const int from = value_index(like), to = first_value(index);
+  if (lower.size() > 0) lower[to] = lower[from];
+  if (upper.size() > 0) upper[to] = upper[from];
 }
 
 void Fabric::leave_out(std::string_view row) {

@@ -57,7 +57,8 @@ struct Fabric {
   void set_curve(std::string_view row, const StiffnessCurve& curve);
   /// All of them, in the order of `values`.
   std::vector<std::string> value_names() const;
-  /// Takes an optional term into the fabric, at its default, or out of it.
+  /// Takes an optional term into the fabric, at its default or, if left out it has the value of
+  /// another parameter (ParameterInfo::left_out_as), at that; or out of it.
   void include(std::string_view row);
   void leave_out(std::string_view row);
 

@@ -13,9 +13,9 @@ namespace {
 
 constexpr double kShift = 0.1;  // of the parameter's unit, see Scale::shifted_log
 
-/// Those of Bhat 2003, then the optional term.
-constexpr std::size_t kBhat = 9;
-constexpr std::array<ParameterInfo, kBhat + 1> kBaraffWitkin = {{
+/// Those of Bhat 2003, then the optional terms.
+constexpr std::size_t kBhat = 9, kBhatOptional = 2;
+constexpr std::array<ParameterInfo, kBhat + kBhatOptional> kBaraffWitkin = {{
     {"stretch_stiffness", "N/m", 5, 5000, 500, Scale::logarithmic,
      "Force per width that resists a relative elongation along weft or warp.",
      "Bhat 2003, section 3, equation 1; Baraff and Witkin 1998, section 4.2"},
@@ -43,6 +43,11 @@ constexpr std::array<ParameterInfo, kBhat + 1> kBaraffWitkin = {{
     {"drag_degradation", "s^2/m^2", 0, 10, 0.1, Scale::shifted_log,
      "k_f: bounds the normal drag per area by k_N / k_f at high speed.",
      "Bhat 2003, section 3, drag law"},
+    {"twist_stiffness", "N m", 1e-7, 1e-2, 1e-5, Scale::logarithmic,
+     "Moment sqrt(2) M_uv by the twist sqrt(2) K_uv; that of an isotropic plate without Poisson "
+     "effect is bend_stiffness.",
+     "twice the D66 of an orthotropic plate; model/cloth_model.h", "", Presence::optional,
+     "bend_stiffness"},
     {"drag_normal_linear", "N s/m^3", 0, 10, 0.1, Scale::shifted_log,
      "k_L: drag per area and normal speed, along the normal velocity, beside the quadratic one.",
      "drag of air that seeps through; model/drag.h", "", Presence::optional},
@@ -50,8 +55,8 @@ constexpr std::array<ParameterInfo, kBhat + 1> kBaraffWitkin = {{
 
 /// Those of `baraff-witkin`, in which the resistance to shear may be nearly nothing, and the
 /// diagonals.
-constexpr std::array<ParameterInfo, kBhat + 3> with_diagonals() {
-  std::array<ParameterInfo, kBhat + 3> out{};
+constexpr std::array<ParameterInfo, kBaraffWitkin.size() + 2> with_diagonals() {
+  std::array<ParameterInfo, kBaraffWitkin.size() + 2> out{};
   for (std::size_t i = 0; i < kBhat; ++i) out[i] = kBaraffWitkin[i];
   out[1].lower = 0.01;
   out[1].default_value = 1;
@@ -74,7 +79,7 @@ constexpr std::array<ParameterInfo, kBhat + 3> with_diagonals() {
       Scale::logarithmic,
       "Force per width that resists the rate of elongation at 45 degrees while in tension.",
       "as stretch_damping, along taut diagonals"};
-  out[kBhat + 2] = kBaraffWitkin[kBhat];
+  for (std::size_t i = kBhat; i < kBaraffWitkin.size(); ++i) out[i + 2] = kBaraffWitkin[i];
   return out;
 }
 constexpr std::array kDiagonals = with_diagonals();

@@ -32,18 +32,21 @@ struct ParameterInfo {
   /// Unit of the strain that a curve of it (stiffness_curve.h) runs over; empty: one number only.
   std::string_view curve_over = "";
   Presence presence = Presence::required;
+  /// Of an optional term: the parameter whose value it has where it is left out; empty: none, the
+  /// term is zero then.
+  std::string_view left_out_as = "";
 };
 
 /// The nine parameters of `baraff-witkin`, in the order of all vectors of parameters:
 /// stretch_stiffness, shear_stiffness, bend_stiffness, stretch_damping, shear_damping,
 /// bend_damping, drag_linear, drag_quadratic, drag_degradation. Without the optional
-/// drag_normal_linear, which is the last of the model's table.
+/// twist_stiffness and drag_normal_linear, which are the last of the model's table.
 std::span<const ParameterInfo> baraff_witkin_parameters();
 
 /// The table of a model. Throws Error for a name that is not known. Models:
-/// - "baraff-witkin": these nine, and drag_normal_linear as an optional term;
+/// - "baraff-witkin": these nine, and twist_stiffness and drag_normal_linear as optional terms;
 /// - "baraff-witkin-diagonals": the same nine, then diagonal_stiffness, diagonal_damping, and the
-///   same optional term;
+///   same optional terms;
 /// - "stvk": membrane_uu, membrane_uv, membrane_vv, membrane_shear (A11, A12, A22, A66), bend_uu,
 ///   bend_uv, bend_vv, bend_twist (D11, D12, D22, D66);
 /// - "soft-constraints", "stvk-diagonal", "springs": weft_stretch, warp_stretch, shear, weft_bend,

@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cmath>
 #include <cstring>
+#include <optional>
 
 #include "weft/base/error.h"
 #include "weft/model/drag.h"
@@ -122,15 +123,25 @@ enum Index {
   kDiagonal,  ///< from here on: of a model with diagonals only
   kDiagonalDamping
 };
+
+/// What else differs between fabrics.
 struct Indices {
   bool diagonals;
-  /// The linear normal drag, which may be left out, is the last value.
-  int drag_linear() const { return diagonals ? kDiagonalDamping + 1 : kDiagonal; }
+  std::optional<int> twist;        ///< left out: bend
+  std::optional<int> drag_linear;  ///< left out: none
+
+  static Indices of(const Fabric& fabric) {
+    const auto optional_row = [&](const char* name) {
+      return fabric.value_count(name) > 0 ? std::optional(fabric.first_value(name)) : std::nullopt;
+    };
+    return {fabric.model == "baraff-witkin-diagonals", optional_row("twist_stiffness"),
+            optional_row("drag_normal_linear")};
+  }
 };
 
 /// The coefficients of a fabric; those of the diagonals are zero for a model without them.
 struct Coefficients {
-  DampedStiffness stretch, shear, bend;
+  DampedStiffness stretch, shear, bend, twist;
   DragLaw drag;
   DampedStiffness diagonal;
 
@@ -138,17 +149,20 @@ struct Coefficients {
     Coefficients out{{p[kStretch], p[kStretchDamping], 0},
                      {p[kShear], p[kShearDamping], 0},
                      {p[kBend], p[kBendDamping], 0},
+                     {p[index.twist.value_or(kBend)], p[kBendDamping], 0},
                      {p[kDragTangential], p[kDragNormal], p[kDragDegradation]},
                      {}};
     if (index.diagonals) out.diagonal = {p[kDiagonal], p[kDiagonalDamping], 0};
-    if (p.size() > index.drag_linear()) out.drag.linear = p[index.drag_linear()];
+    if (index.drag_linear) out.drag.linear = p[*index.drag_linear];
     return out;
   }
   Coefficients with_rate(double rate) const {
     Coefficients out = *this;
-    out.stretch.rate = out.shear.rate = out.bend.rate = out.diagonal.rate = rate;
+    out.stretch.rate = out.shear.rate = out.bend.rate = out.twist.rate = out.diagonal.rate = rate;
     return out;
   }
+  /// Of the curvatures K_uu, K_vv and K_uv.
+  std::array<const DampedStiffness*, 3> curvatures() const { return {&bend, &bend, &twist}; }
 };
 
 struct TrianglePositions {
@@ -274,15 +288,18 @@ std::array<Lanes, 3> curvature_rates(const BendingGroup& group,
   return out;
 }
 
-ComponentTable component_table(const detail::Elements& elements, int count) {
+ComponentTable component_table(const detail::Elements& elements, int count, const Indices& index) {
   ComponentTable table;
   table.weight.resize(count);
   int component = 0;
-  const auto add = [&](double weight, int stiffness) {
+  const auto add_as = [&](double weight, int stiffness, int damping) {
     table.weight[component++] = weight;
     table.stiffness.push_back(stiffness);
-    table.damping.push_back(stiffness == kDiagonal ? kDiagonalDamping
-                                                   : stiffness + kStretchDamping);
+    table.damping.push_back(damping);
+  };
+  const auto add = [&](double weight, int stiffness) {
+    add_as(weight, stiffness,
+           stiffness == kDiagonal ? kDiagonalDamping : stiffness + kStretchDamping);
   };
   for (const TriangleGroup& group : elements.triangles)
     for (int lane = 0; lane < group.count; ++lane) {
@@ -297,8 +314,11 @@ ComponentTable component_table(const detail::Elements& elements, int count) {
       add(0, kDiagonal);  // a group of components is one of three
     }
   for (const BendingGroup& group : elements.bending)
-    for (int lane = 0; lane < group.count; ++lane)
-      for (const Lanes& area : group.areas) add(area[lane], kBend);
+    for (int lane = 0; lane < group.count; ++lane) {
+      add(group.areas[0][lane], kBend);
+      add(group.areas[1][lane], kBend);
+      add_as(group.areas[2][lane], index.twist.value_or(kBend), kBendDamping);
+    }
   assert(component == count);
   return table;
 }
@@ -372,12 +392,13 @@ struct ClothModel::Impl {
   }
 
   /// Derivative of the bending energy of a group by its curvature components.
-  std::array<Lanes, 3> moments(const DampedStiffness& k, const TriangleCurvature<Lanes>& curvature,
+  std::array<Lanes, 3> moments(const Coefficients& k, const TriangleCurvature<Lanes>& curvature,
                                const DampingRate& damping, std::size_t group) const {
     const auto h = curvature_history(damping, group);
+    const auto stiffness = k.curvatures();
     std::array<Lanes, 3> out;
     for (std::size_t i = 0; i < 3; ++i)
-      out[i] = elements.bending[group].areas[i] * k.tension(curvature.value[i], h[i]);
+      out[i] = elements.bending[group].areas[i] * stiffness[i]->tension(curvature.value[i], h[i]);
     return out;
   }
 
@@ -421,11 +442,12 @@ double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
     sum += group.area * (k.diagonal.energy(c.rising.value, h.rising) +
                          k.diagonal.energy(c.falling.value, h.falling));
   }
+  const auto bending = k.curvatures();
   for (std::size_t i = 0; i < elements.bending.size(); ++i) {
     const BendingGroup& group = elements.bending[i];
     const auto c = curvature_of(group, x).value;
     const auto h = curvature_history(damping, i);
-    for (std::size_t j = 0; j < 3; ++j) sum += group.areas[j] * k.bend.energy(c[j], h[j]);
+    for (std::size_t j = 0; j < 3; ++j) sum += group.areas[j] * bending[j]->energy(c[j], h[j]);
   }
   return sum_lanes(sum);
 }
@@ -453,7 +475,7 @@ void ClothModel::Impl::add_bending_gradient(const Coefficients& k, const Points&
   for (std::size_t i = 0; i < elements.bending.size(); ++i) {
     const BendingGroup& group = elements.bending[i];
     const auto curvature = curvature_of(group, x);
-    add_gradient(group, curvature, moments(k.bend, curvature, damping, i), gradient);
+    add_gradient(group, curvature, moments(k, curvature, damping, i), gradient);
   }
 }
 
@@ -507,15 +529,15 @@ void ClothModel::Impl::add_bending(const Coefficients& k, const Points& x,
                                    const DampingRate& damping, HessianKind kind, Points& gradient,
                                    SparseMatrix& hessian) const {
   BlockWriter writer(hessian, elements.columns);
+  const double bend = k.bend.total();
   for (std::size_t i = 0; i < elements.bending.size(); ++i) {
     const BendingGroup& group = elements.bending[i];
     const auto curvature = curvature_of(group, x);
-    const auto moment = moments(k.bend, curvature, damping, i);
+    const auto moment = moments(k, curvature, damping, i);
     add_gradient(group, curvature, moment, gradient);
-    const double bend = k.bend.total();
     auto h = curvature_gauss_newton(
         group.map, curvature,
-        {group.areas[0] * bend, group.areas[1] * bend, group.areas[2] * bend});
+        {group.areas[0] * bend, group.areas[1] * bend, group.areas[2] * k.twist.total()});
     if (kind == HessianKind::exact) add_curvature_hessian(group.map, curvature, moment, h);
     for (std::size_t v = 0; v < 6; ++v) writer.add(h.diagonal[v], group.vertices[v]);
     for (std::size_t b = 0; b < 15; ++b)
@@ -548,12 +570,13 @@ void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& 
                   -(k.diagonal.k * c.falling.value + k.diagonal.kd * rate.falling)},
                  force);
   }
+  const auto bending = k.curvatures();
   for (const BendingGroup& group : elements.bending) {
     const auto curvature = curvature_of(group, x);
     const auto rate = curvature_rates(group, curvature, v);
     std::array<Lanes, 3> moment;
     for (std::size_t i = 0; i < 3; ++i)
-      moment[i] = -group.areas[i] * (k.bend.k * curvature.value[i] + k.bend.kd * rate[i]);
+      moment[i] = -group.areas[i] * (bending[i]->k * curvature.value[i] + bending[i]->kd * rate[i]);
     add_gradient(group, curvature, moment, force);
   }
 }
@@ -586,12 +609,11 @@ ClothModel::ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double ar
   impl_->gravity = gravity;
   require_motion_model(fabric);
   impl_->model = fabric.model;
-  impl_->index.diagonals = fabric.model == "baraff-witkin-diagonals";
+  impl_->index = Indices::of(fabric);
   const detail::Hem hem(mesh, hem_width);
   impl_->elements = detail::make_elements(
       mesh, impl_->index.diagonals ? detail::Diagonals::all : detail::Diagonals::none, hem);
   impl_->masses = areal_density * (vertex_areas(mesh) + hem.vertex_areas());
-  impl_->components = component_table(impl_->elements, component_count());
   set_fabric(fabric);
 }
 
@@ -602,7 +624,9 @@ ClothModel& ClothModel::operator=(ClothModel&&) noexcept = default;
 void ClothModel::set_fabric(const Fabric& fabric) {
   require_model(fabric, impl_->model);
   validate(fabric);
+  impl_->index = Indices::of(fabric);
   impl_->coefficients = Coefficients::from(fabric.values, impl_->index);
+  impl_->components = component_table(impl_->elements, component_count(), impl_->index);
   impl_->values = fabric.values;
 }
 
@@ -718,7 +742,7 @@ void ClothModel::force_derivative(const Points& x, const Points& v, int paramete
 
 bool ClothModel::drag_depends_on(int parameter) const {
   return (parameter >= kDragTangential && parameter <= kDragDegradation) ||
-         parameter == impl_->index.drag_linear();
+         parameter == impl_->index.drag_linear;
 }
 
 void ClothModel::drag_derivative(const Points& x, const Points& v, int parameter,
@@ -735,7 +759,7 @@ void ClothModel::drag_derivative(const Points& x, const Points& v, int parameter
   if (parameter == kDragTangential) impl_->add_drag(1, none, x, v, derivative);
   if (parameter == kDragNormal) impl_->add_drag(0, by_normal, x, v, derivative);
   if (parameter == kDragDegradation) impl_->add_drag(0, by_degradation, x, v, derivative);
-  if (parameter == impl_->index.drag_linear()) impl_->add_drag(0, by_linear, x, v, derivative);
+  if (parameter == impl_->index.drag_linear) impl_->add_drag(0, by_linear, x, v, derivative);
 }
 
 const ComponentTable& ClothModel::components() const { return impl_->components; }

@@ -25,8 +25,9 @@ struct DampingRate {
 /// curvatures K_uu, K_vv and K_uv (with a factor) of each bending element (bending.h).
 ///
 /// Energy of a component: 1/2 w k C^2 with w the element's area (m^2). For the strains k is in
-/// N/m; for the curvatures (1/m) k is the flexural rigidity in N m. Energies are linear in area:
-/// the parameters do not depend on the mesh.
+/// N/m; for the curvatures (1/m) k is the flexural rigidity in N m, of K_uv (as sqrt(2) K_uv) that
+/// of the fabric's twist_stiffness if it has one. Energies are linear in area: the parameters do
+/// not depend on the mesh.
 ///
 /// A fabric of model "baraff-witkin-diagonals" has diagonals besides (strain/diagonal.h), which
 /// resist elongation at 45 degrees to the threads and no shortening: of each element of diagonals.h
