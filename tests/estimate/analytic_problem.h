@@ -9,11 +9,13 @@
 
 namespace weft {
 
-/// A problem whose error is a formula of the scaled coordinates: no simulation, no images.
+/// A problem whose error is a formula of the scaled coordinates: no simulation, no images. The
+/// fabric has the optional terms that are free.
 inline Problem analytic_problem(const std::vector<std::string>& free,
                                 const std::function<double(const VecX& scaled)>& error,
                                 std::atomic<int>* calls = nullptr) {
-  const Fabric initial = Fabric::with_defaults("test");
+  Fabric initial = Fabric::with_defaults("test");
+  for (const std::string& name : free) initial.include(name);
   auto trial = std::make_shared<Trial>();
   trial->capture.name = "analytic";
   const auto scale =

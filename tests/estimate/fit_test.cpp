@@ -276,6 +276,18 @@ TEST(Landscape, HoldsTheErrorAtEachPairOfValues) {
   EXPECT_TRUE(std::is_sorted(map.y.begin(), map.y.end()));
 }
 
+TEST(Landscape, ChangesAnOptionalTermItselfWhereOthersAreLeftOut) {
+  const Problem problem =
+      analytic_problem({"bend_stiffness", "drag_normal_linear"},
+                       [](const VecX& scaled) { return 1 + scaled[0] + 10 * scaled[1]; });
+  LandscapeOptions options;
+  options.x_parameter = "drag_normal_linear";
+  options.x_count = options.y_count = 2;
+  const Landscape map = landscape(problem, problem.fabric(VecX::Constant(2, 0.5)), options);
+  EXPECT_NEAR(map.error(1, 0), 2, 1e-9);
+  EXPECT_NEAR(map.error(0, 1), 11, 1e-9);
+}
+
 TEST(Landscape, RejectsBadOptions) {
   const Problem problem = bowl();
   const auto run = [&](auto change) {

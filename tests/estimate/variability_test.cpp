@@ -174,5 +174,14 @@ TEST(Variability, OneCurveAFreeParameterWhateverTheThreads) {
   EXPECT_FALSE(one[2].determined);
 }
 
+TEST(Variability, AnOptionalTermIsChangedItselfWhereOthersAreLeftOut) {
+  const Problem problem =
+      analytic_problem({"bend_stiffness", "drag_normal_linear"},
+                       [](const VecX& scaled) { return 1 + 25 * std::pow(scaled[1] - 0.5, 2); });
+  const auto curves = variability(problem, problem.fabric(VecX::Constant(2, 0.5)), {});
+  EXPECT_FALSE(curves[0].determined);
+  EXPECT_TRUE(curves[1].determined);
+}
+
 }  // namespace
 }  // namespace weft

@@ -56,8 +56,8 @@ Landscape landscape(const Problem& problem, const Fabric& fabric, const Landscap
   result.y = axis_values(y_info, options.y_count, options.y_lower, options.y_upper);
   result.error =
       MatX::Constant(options.y_count, options.x_count, std::numeric_limits<double>::infinity());
-  const int x_index = parameter_index(fabric.model, options.x_parameter);
-  const int y_index = parameter_index(fabric.model, options.y_parameter);
+  const int x_index = fabric.value_index(options.x_parameter);
+  const int y_index = fabric.value_index(options.y_parameter);
   const std::size_t columns = result.x.size(), total = columns * result.y.size();
   std::mutex mutex;
   std::atomic<bool> stop = false;

@@ -265,7 +265,7 @@ struct Derivatives {
                                     : SensitivitySimulator(simulate_with_sensitivities)) {
     for (int i = 0; i < problem.dimension(); ++i) {
       parameters.push_back(
-          parameter_index(problem.initial().model, problem.free()[static_cast<std::size_t>(i)]));
+          problem.initial().value_index(problem.free()[static_cast<std::size_t>(i)]));
       slopes[i] = scaled_slope(problem.info(i), scaled[i]);
     }
   }

@@ -242,7 +242,7 @@ std::vector<PerturbationCurve> variability(const Problem& problem, const Fabric&
       if (keep_going && !keep_going()) stop = true;
       if (stop) return kInfinity;  // ends the curve, which is then dropped
       Fabric changed = fabric;
-      changed.values[parameter_index(fabric.model, problem.free()[i])] = value;
+      changed.values[fabric.value_index(problem.free()[i])] = value;
       return evaluate_stored(problem, changed, 0, "variability", store).evaluation.error;
     };
     const ParameterInfo& info = problem.info(static_cast<int>(i));
