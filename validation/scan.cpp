@@ -3,12 +3,13 @@
 ///     weft_validate_scan [table1] [noise] [descriptors] [mechanical] [captures] [--data FOLDER]
 ///     [--cells N]
 ///     [--pattern P] [--fine N] [--fine-pattern P] [--force-noise N] [--surface S] [--twist]
-///     [--out FOLDER]
+///     [--threads MODEL] [--out FOLDER]
 ///
 /// table1: targets of the paper's section 4.2 on the mesh of the fit (Larionov et al. 2022, Table
 /// 1). noise: the same from a finer mesh with noise. mechanical, captures: targets that other
 /// programs made, in FOLDER/mechanical and FOLDER/captures; of the latter the surface as "shown",
-/// or the "lattice" of its control points; --twist: with twist_stiffness as an unknown of its own.
+/// or the "lattice" of its control points; --twist: with twist_stiffness as an unknown of its own;
+/// --threads: baraff-witkin-diagonals or baraff-witkin-hinges.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -178,6 +179,8 @@ Arguments parse(int argc, char** argv) {
       arguments.fit.random_starts = validation::number<int>(word, argv[++i], 0);
     else if (word == "--surface" && i + 1 < argc)
       arguments.surface = surface_from_name(argv[++i]);
+    else if (word == "--threads" && i + 1 < argc)
+      arguments.threads = argv[++i];
     else if (word == "--twist")
       arguments.search_twist = true;
     else if (word == "--descriptor" && i + 1 < argc)

@@ -175,8 +175,8 @@ Fabric continuum(const validation::Constants& c) {
 /// The same as threads with diagonals that act in tension only; k_d is a spring on each of two
 /// diagonals h sqrt(2) long, 2 k_d per width. `own_twist`: with what the hinges along the diagonals
 /// resist twist by, 4/3 of an isotropic plate's.
-Fabric with_diagonals(const validation::Constants& c, bool own_twist) {
-  Fabric fabric = Fabric::with_defaults("lattice", "baraff-witkin-diagonals");
+Fabric with_diagonals(const validation::Constants& c, const std::string& model, bool own_twist) {
+  Fabric fabric = Fabric::with_defaults("lattice", model);
   fabric.set("stretch_stiffness", c.edge);
   fabric.set("diagonal_stiffness", 2 * c.diagonal);
   fabric.set("bend_stiffness", c.bending);
@@ -228,7 +228,7 @@ void capture_scans(const Arguments& arguments) {
     fmt::print("\n{}: {} targets on {} cells\n", name, trials.size(), arguments.cells);
     if (capture.hem_width == 0)  // a sheet has none
       fit_rest(arguments, trials, source, start, default_scan_parameters(source));
-    const Fabric threads = with_diagonals(constants, arguments.search_twist);
+    const Fabric threads = with_diagonals(constants, arguments.threads, arguments.search_twist);
     if (!arguments.make_solver()->takes(threads.model)) continue;
     Fabric off = threads;
     off.name = "start";

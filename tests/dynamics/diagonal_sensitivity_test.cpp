@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <numeric>
+#include <string>
 
 #include "dynamics/scenes.h"
 #include "weft/dynamics/sensitivity.h"
@@ -32,8 +33,8 @@ Scene waving_scene() {
   return scene;
 }
 
-Fabric diagonal_fabric() {
-  Fabric fabric = Fabric::with_defaults("test", "baraff-witkin-diagonals");
+Fabric diagonal_fabric(const char* model) {
+  Fabric fabric = Fabric::with_defaults("test", model);
   fabric.include("twist_stiffness");
   fabric.include("drag_normal_linear");
   fabric.values << 60, 2, 2e-4, 0.2, 0.05, 2e-6, 0.2, 0.6, 0.4, 80, 0.15, 1e-4, 0.3;
@@ -44,9 +45,17 @@ Fabric diagonal_fabric() {
 /// while the same diagonals are taut at the end of each step, so that the step must be small; with
 /// Newton's changes below 1e-13 m it leaves 1e-13 / 2e-5 = 5e-9 m, of sensitivities per relative
 /// change of a parameter that are above 1e-3 m here.
-TEST(DiagonalSensitivity, AgreesWithDifferencesThroughSettlingAndMotion) {
+class DiagonalSensitivity : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Models, DiagonalSensitivity,
+                         ::testing::Values("baraff-witkin-diagonals", "baraff-witkin-hinges"),
+                         [](const auto& of) {
+                           return std::string(of.param).substr(
+                               std::string("baraff-witkin-").size());
+                         });
+
+TEST_P(DiagonalSensitivity, AgreesWithDifferencesThroughSettlingAndMotion) {
   const Scene scene = waving_scene();
-  const Fabric fabric = diagonal_fabric();
+  const Fabric fabric = diagonal_fabric(GetParam());
   SimulationOptions options;
   options.newton_tolerance = 1e-13;
   options.max_newton_iterations = 60;

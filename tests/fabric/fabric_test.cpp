@@ -43,7 +43,7 @@ TEST(ParameterTable, NamesOrderAndUnits) {
 }
 
 TEST(Fabric, ATermThatIsAnotherParameterWhereLeftOutStartsAtIt) {
-  for (const char* model : {"baraff-witkin", "baraff-witkin-diagonals"}) {
+  for (const char* model : {"baraff-witkin", "baraff-witkin-diagonals", "baraff-witkin-hinges"}) {
     Fabric fabric = Fabric::with_defaults("f", model);
     fabric.set("bend_stiffness", 3e-4);
     fabric.include("twist_stiffness");

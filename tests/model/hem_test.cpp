@@ -44,7 +44,7 @@ ClothModel model_of(const TriangleMesh& mesh, double hem_width,
 
 TEST(Hem, Battery) {
   Rng rng(8);
-  for (const char* name : {"baraff-witkin", "baraff-witkin-diagonals"}) {
+  for (const char* name : {"baraff-witkin", "baraff-witkin-diagonals", "baraff-witkin-hinges"}) {
     for (const GridPattern pattern : {GridPattern::alternating, GridPattern::uniform}) {
       const TriangleMesh mesh = small_mesh(pattern);
       const ClothModel model = model_of(mesh, kHem, name);

@@ -359,10 +359,10 @@ void require_model(const Fabric& fabric, std::string_view model) {
 }
 
 void require_motion_model(const Fabric& fabric) {
-  if (fabric.model != "baraff-witkin" && fabric.model != "baraff-witkin-diagonals")
+  if (!fabric.model.starts_with("baraff-witkin"))
     throw Error(
-        fmt::format("fabric \"{}\" is of model \"{}\"; \"baraff-witkin\" or "
-                    "\"baraff-witkin-diagonals\" is needed",
+        fmt::format("fabric \"{}\" is of model \"{}\"; \"baraff-witkin\", "
+                    "\"baraff-witkin-diagonals\" or \"baraff-witkin-hinges\" is needed",
                     fabric.name, fabric.model));
 }
 

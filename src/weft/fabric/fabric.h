@@ -102,7 +102,7 @@ const std::vector<Fabric>& fabric_presets();
 /// Throws Error in one line unless the fabric is of `model`: for what works with that model alone.
 void require_model(const Fabric& fabric, std::string_view model);
 /// The same unless it is of a model that motions are simulated with, which has damping and drag:
-/// "baraff-witkin" or "baraff-witkin-diagonals".
+/// "baraff-witkin", "baraff-witkin-diagonals" or "baraff-witkin-hinges".
 void require_motion_model(const Fabric& fabric);
 /// A preset by name (`linen` is short for `linen-waving`), or else a file: fabric.toml, numbers of
 /// KES-F (kes_fabric.h), or where it ends in .json an ARCSim material. Throws Error otherwise.

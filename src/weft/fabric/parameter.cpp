@@ -272,8 +272,9 @@ struct ModelTable {
   std::string_view model;
   std::span<const ParameterInfo> parameters;
 };
-constexpr std::array<ModelTable, 7> kModels = {{{"baraff-witkin", kBaraffWitkin},
+constexpr std::array<ModelTable, 8> kModels = {{{"baraff-witkin", kBaraffWitkin},
                                                 {"baraff-witkin-diagonals", kDiagonals},
+                                                {"baraff-witkin-hinges", kDiagonals},
                                                 {"stvk", kStvk},
                                                 {"soft-constraints", kDiagonal},
                                                 {"stvk-diagonal", kDiagonal},

@@ -47,6 +47,7 @@ std::span<const ParameterInfo> baraff_witkin_parameters();
 /// - "baraff-witkin": these nine, and twist_stiffness and drag_normal_linear as optional terms;
 /// - "baraff-witkin-diagonals": the same nine, then diagonal_stiffness, diagonal_damping, and the
 ///   same optional terms;
+/// - "baraff-witkin-hinges": those of "baraff-witkin-diagonals";
 /// - "stvk": membrane_uu, membrane_uv, membrane_vv, membrane_shear (A11, A12, A22, A66), bend_uu,
 ///   bend_uv, bend_vv, bend_twist (D11, D12, D22, D66);
 /// - "soft-constraints", "stvk-diagonal", "springs": weft_stretch, warp_stretch, shear, weft_bend,

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <optional>
+#include <type_traits>
 
 #include "weft/base/error.h"
 #include "weft/model/drag.h"
@@ -15,10 +16,10 @@
 namespace weft {
 namespace {
 
-using detail::BendingGroup;
 using detail::DampedStiffness;
 using detail::DiagonalGroup;
 using detail::DragLaw;
+using detail::StencilGroup;
 using detail::TriangleGroup;
 using LaneIndices = std::array<int, kLanes>;
 
@@ -44,6 +45,14 @@ void scatter_add(const Vector3<Lanes>& a, const LaneIndices& vertices, double* p
     p[1] += buffer[1][lane];
     p[2] += buffer[2][lane];
   }
+}
+
+/// For all vertices of a group. (What is added is a vector of its own on purpose: GCC 12 drops the
+/// stores of a loop that scatters what it computes.)
+template <std::size_t kVertices>
+void scatter_add(const std::array<Vector3<Lanes>, kVertices>& a,
+                 const std::array<LaneIndices, kVertices>& vertices, double* points) {
+  for (std::size_t i = 0; i < kVertices; ++i) scatter_add(a[i], vertices[i], points);
 }
 
 /// Entries first, first + stride, ... of a vector into the lanes that are in use; zero elsewhere,
@@ -134,10 +143,16 @@ struct Indices {
     const auto optional_row = [&](const char* name) {
       return fabric.value_count(name) > 0 ? std::optional(fabric.first_value(name)) : std::nullopt;
     };
-    return {fabric.model == "baraff-witkin-diagonals", optional_row("twist_stiffness"),
+    return {fabric.model != "baraff-witkin", optional_row("twist_stiffness"),
             optional_row("drag_normal_linear")};
   }
 };
+
+detail::ElementKinds kinds_of(const Fabric& fabric) {
+  return {
+      fabric.model == "baraff-witkin" ? detail::Diagonals::none : detail::Diagonals::all,
+      fabric.model == "baraff-witkin-hinges" ? detail::Bends::of_hinges : detail::Bends::of_plate};
+}
 
 /// The coefficients of a fabric; those of the diagonals are zero for a model without them.
 struct Coefficients {
@@ -161,8 +176,12 @@ struct Coefficients {
     out.stretch.rate = out.shear.rate = out.bend.rate = out.twist.rate = out.diagonal.rate = rate;
     return out;
   }
-  /// Of the curvatures K_uu, K_vv and K_uv.
-  std::array<const DampedStiffness*, 3> curvatures() const { return {&bend, &bend, &twist}; }
+  /// Of the components of a stencil.
+  template <class Stencil>
+  std::array<const DampedStiffness*, 3> curvatures() const {
+    if constexpr (std::is_same_v<Stencil, EdgeStencil>) return {&bend, &twist, &twist};
+    return {&bend, &bend, &twist};
+  }
 };
 
 struct TrianglePositions {
@@ -184,14 +203,16 @@ detail::MembraneStrains<Lanes> strains_of(const TriangleGroup& group, const Poin
   return detail::membrane_strains(group.shape, p.x0, p.x1, p.x2);
 }
 
-std::array<Vector3<Lanes>, 6> positions(const BendingGroup& group, const Points& x) {
+template <class Stencil>
+std::array<Vector3<Lanes>, 6> positions(const StencilGroup<Stencil>& group, const Points& x) {
   std::array<Vector3<Lanes>, 6> out;
   for (std::size_t i = 0; i < 6; ++i) out[i] = gather(x.data(), group.vertices[i]);
   return out;
 }
 
-TriangleCurvature<Lanes> curvature_of(const BendingGroup& group, const Points& x) {
-  return triangle_curvature(group.map, positions(group, x));
+template <class Stencil>
+StencilCurvature<Lanes, Stencil> curvature_of(const StencilGroup<Stencil>& group, const Points& x) {
+  return stencil_curvature(group.map, positions(group, x));
 }
 
 /// Something of each of the two diagonals.
@@ -233,9 +254,7 @@ void add_gradient(const TriangleGroup& group, const detail::MembraneGradient<Lan
   const auto& s = group.shape;
   const Vector3<Lanes> g1 = (s.area * s.du1) * g.u + (s.area * s.dv1) * g.v;
   const Vector3<Lanes> g2 = (s.area * s.du2) * g.u + (s.area * s.dv2) * g.v;
-  scatter_add(-(g1 + g2), group.vertices[0], gradient.data());
-  scatter_add(g1, group.vertices[1], gradient.data());
-  scatter_add(g2, group.vertices[2], gradient.data());
+  scatter_add(std::array{-(g1 + g2), g1, g2}, group.vertices, gradient.data());
 }
 
 /// `tension`: derivatives of the energy density by the two strains, N/m.
@@ -243,16 +262,17 @@ void add_gradient(const DiagonalGroup& group, const DiagonalStrains& c,
                   const OfDiagonals<Lanes>& tension, Points& gradient) {
   const Vector3<Lanes> rising = (group.area * tension.rising) * c.rising.direction;
   const Vector3<Lanes> falling = (group.area * tension.falling) * c.falling.direction;
-  for (std::size_t i = 0; i < 4; ++i)
-    scatter_add(group.rising[i] * rising + group.falling[i] * falling, group.vertices[i],
-                gradient.data());
+  std::array<Vector3<Lanes>, 4> g;
+  for (std::size_t i = 0; i < 4; ++i) g[i] = group.rising[i] * rising + group.falling[i] * falling;
+  scatter_add(g, group.vertices, gradient.data());
 }
 
 /// `moment`: derivative of the energy by the three curvature components.
-void add_gradient(const BendingGroup& group, const TriangleCurvature<Lanes>& curvature,
+template <class Stencil>
+void add_gradient(const StencilGroup<Stencil>& group,
+                  const StencilCurvature<Lanes, Stencil>& curvature,
                   const std::array<Lanes, 3>& moment, Points& gradient) {
-  const auto g = curvature_gradient(group.map, curvature, moment);
-  for (std::size_t i = 0; i < 6; ++i) scatter_add(g[i], group.vertices[i], gradient.data());
+  scatter_add(curvature_gradient(group.map, curvature, moment), group.vertices, gradient.data());
 }
 
 /// Rates of the three strains under the velocities `v`.
@@ -271,20 +291,21 @@ OfDiagonals<Lanes> strain_rates(const DiagonalGroup& group, const DiagonalStrain
   return {dot(c.rising.direction, rate.rising), dot(c.falling.direction, rate.falling)};
 }
 
-std::array<Lanes, 3> curvature_rates(const BendingGroup& group,
-                                     const TriangleCurvature<Lanes>& curvature, const Points& v) {
+template <class Stencil>
+std::array<Lanes, 3> curvature_rates(const StencilGroup<Stencil>& group,
+                                     const StencilCurvature<Lanes, Stencil>& curvature,
+                                     const Points& v) {
   const auto velocity = positions(group, v);
-  std::array<Lanes, 3> angle_rate;
-  for (std::size_t j = 0; j < 3; ++j) {
+  std::array<Lanes, Stencil::hinges> angle_rate;
+  for (std::size_t j = 0; j < Stencil::hinges; ++j) {
     const auto g = curvature.angles[j].gradient();
-    const auto vertices = detail::hinge_vertices(j);
+    const auto vertices = Stencil::hinge(j);
     angle_rate[j] = dot(g[0], velocity[vertices[0]]) + dot(g[1], velocity[vertices[1]]) +
                     dot(g[2], velocity[vertices[2]]) + dot(g[3], velocity[vertices[3]]);
   }
-  std::array<Lanes, 3> out;
+  std::array<Lanes, 3> out{};
   for (std::size_t k = 0; k < 3; ++k)
-    out[k] = group.map.r[k][0] * angle_rate[0] + group.map.r[k][1] * angle_rate[1] +
-             group.map.r[k][2] * angle_rate[2];
+    for (std::size_t j = 0; j < Stencil::hinges; ++j) out[k] += group.map.r[k][j] * angle_rate[j];
   return out;
 }
 
@@ -313,11 +334,18 @@ ComponentTable component_table(const detail::Elements& elements, int count, cons
       add(group.area[lane], kDiagonal);
       add(0, kDiagonal);  // a group of components is one of three
     }
-  for (const BendingGroup& group : elements.bending)
+  const int twist = index.twist.value_or(kBend);
+  for (const detail::BendingGroup& group : elements.bending)
     for (int lane = 0; lane < group.count; ++lane) {
       add(group.areas[0][lane], kBend);
       add(group.areas[1][lane], kBend);
-      add_as(group.areas[2][lane], index.twist.value_or(kBend), kBendDamping);
+      add_as(group.areas[2][lane], twist, kBendDamping);
+    }
+  for (const detail::HingeGroup& group : elements.hinges)
+    for (int lane = 0; lane < group.count; ++lane) {
+      add(group.areas[0][lane], kBend);
+      add_as(group.areas[1][lane], twist, kBendDamping);
+      add_as(group.areas[2][lane], twist, kBendDamping);
     }
   assert(component == count);
   return table;
@@ -373,9 +401,9 @@ struct ClothModel::Impl {
     const auto h = diagonal_history(damping, group);
     return {k.tension(c.rising.value, h.rising), k.tension(c.falling.value, h.falling)};
   }
-  std::array<Lanes, 3> curvature_history(const DampingRate& damping, std::size_t group) const {
+  std::array<Lanes, 3> curvature_history(const DampingRate& damping, std::size_t group,
+                                         int count) const {
     const int first = first_curvature() + static_cast<int>(group) * kLanes * 3;
-    const int count = elements.bending[group].count;
     return {load(damping.strain_history, first, 3, count),
             load(damping.strain_history, first + 1, 3, count),
             load(damping.strain_history, first + 2, 3, count)};
@@ -391,14 +419,23 @@ struct ClothModel::Impl {
             triangles.v_layers * k.stretch.tension(c.v.value, h.v), k.shear.tension(c.shear, h.s)};
   }
 
-  /// Derivative of the bending energy of a group by its curvature components.
-  std::array<Lanes, 3> moments(const Coefficients& k, const TriangleCurvature<Lanes>& curvature,
-                               const DampingRate& damping, std::size_t group) const {
-    const auto h = curvature_history(damping, group);
-    const auto stiffness = k.curvatures();
+  /// Calls `visit` with each group that bends and its number.
+  template <class Visit>
+  void for_each_bending(const Visit& visit) const {
+    for (std::size_t i = 0; i < elements.bending.size(); ++i) visit(elements.bending[i], i);
+    for (std::size_t i = 0; i < elements.hinges.size(); ++i) visit(elements.hinges[i], i);
+  }
+
+  /// Derivative of the bending energy of a group by its components; `i` is its number.
+  template <class Stencil>
+  std::array<Lanes, 3> moments(const Coefficients& k, const StencilGroup<Stencil>& group,
+                               const StencilCurvature<Lanes, Stencil>& curvature,
+                               const DampingRate& damping, std::size_t i) const {
+    const auto h = curvature_history(damping, i, group.count);
+    const auto stiffness = k.curvatures<Stencil>();
     std::array<Lanes, 3> out;
-    for (std::size_t i = 0; i < 3; ++i)
-      out[i] = elements.bending[group].areas[i] * stiffness[i]->tension(curvature.value[i], h[i]);
+    for (std::size_t j = 0; j < 3; ++j)
+      out[j] = group.areas[j] * stiffness[j]->tension(curvature.value[j], h[j]);
     return out;
   }
 
@@ -442,13 +479,12 @@ double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
     sum += group.area * (k.diagonal.energy(c.rising.value, h.rising) +
                          k.diagonal.energy(c.falling.value, h.falling));
   }
-  const auto bending = k.curvatures();
-  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
-    const BendingGroup& group = elements.bending[i];
+  for_each_bending([&]<class Stencil>(const StencilGroup<Stencil>& group, std::size_t i) {
     const auto c = curvature_of(group, x).value;
-    const auto h = curvature_history(damping, i);
-    for (std::size_t j = 0; j < 3; ++j) sum += group.areas[j] * bending[j]->energy(c[j], h[j]);
-  }
+    const auto h = curvature_history(damping, i, group.count);
+    const auto stiffness = k.curvatures<Stencil>();
+    for (std::size_t j = 0; j < 3; ++j) sum += group.areas[j] * stiffness[j]->energy(c[j], h[j]);
+  });
   return sum_lanes(sum);
 }
 
@@ -472,11 +508,10 @@ void ClothModel::Impl::add_diagonal_gradient(const Coefficients& k, const Points
 
 void ClothModel::Impl::add_bending_gradient(const Coefficients& k, const Points& x,
                                             const DampingRate& damping, Points& gradient) const {
-  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
-    const BendingGroup& group = elements.bending[i];
+  for_each_bending([&](const auto& group, std::size_t i) {
     const auto curvature = curvature_of(group, x);
-    add_gradient(group, curvature, moments(k, curvature, damping, i), gradient);
-  }
+    add_gradient(group, curvature, moments(k, group, curvature, damping, i), gradient);
+  });
 }
 
 void ClothModel::Impl::add_triangles(const Coefficients& k, const Points& x,
@@ -529,21 +564,20 @@ void ClothModel::Impl::add_bending(const Coefficients& k, const Points& x,
                                    const DampingRate& damping, HessianKind kind, Points& gradient,
                                    SparseMatrix& hessian) const {
   BlockWriter writer(hessian, elements.columns);
-  const double bend = k.bend.total();
-  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
-    const BendingGroup& group = elements.bending[i];
+  for_each_bending([&]<class Stencil>(const StencilGroup<Stencil>& group, std::size_t i) {
     const auto curvature = curvature_of(group, x);
-    const auto moment = moments(k, curvature, damping, i);
+    const auto moment = moments(k, group, curvature, damping, i);
     add_gradient(group, curvature, moment, gradient);
-    auto h = curvature_gauss_newton(
-        group.map, curvature,
-        {group.areas[0] * bend, group.areas[1] * bend, group.areas[2] * k.twist.total()});
+    const auto stiffness = k.curvatures<Stencil>();
+    std::array<Lanes, 3> rank_one;
+    for (std::size_t j = 0; j < 3; ++j) rank_one[j] = group.areas[j] * stiffness[j]->total();
+    auto h = curvature_gauss_newton(group.map, curvature, rank_one);
     if (kind == HessianKind::exact) add_curvature_hessian(group.map, curvature, moment, h);
     for (std::size_t v = 0; v < 6; ++v) writer.add(h.diagonal[v], group.vertices[v]);
     for (std::size_t b = 0; b < 15; ++b)
       writer.add(h.lower[b], group.slots[b], group.vertices[detail::kPairs[b][0]],
                  group.vertices[detail::kPairs[b][1]]);
-  }
+  });
 }
 
 void ClothModel::Impl::set_gravity_gradient(Points& gradient) const {
@@ -570,15 +604,16 @@ void ClothModel::Impl::add_internal_forces(const Coefficients& k, const Points& 
                   -(k.diagonal.k * c.falling.value + k.diagonal.kd * rate.falling)},
                  force);
   }
-  const auto bending = k.curvatures();
-  for (const BendingGroup& group : elements.bending) {
+  for_each_bending([&]<class Stencil>(const StencilGroup<Stencil>& group, std::size_t) {
     const auto curvature = curvature_of(group, x);
     const auto rate = curvature_rates(group, curvature, v);
+    const auto stiffness = k.curvatures<Stencil>();
     std::array<Lanes, 3> moment;
-    for (std::size_t i = 0; i < 3; ++i)
-      moment[i] = -group.areas[i] * (bending[i]->k * curvature.value[i] + bending[i]->kd * rate[i]);
+    for (std::size_t j = 0; j < 3; ++j)
+      moment[j] =
+          -group.areas[j] * (stiffness[j]->k * curvature.value[j] + stiffness[j]->kd * rate[j]);
     add_gradient(group, curvature, moment, force);
-  }
+  });
 }
 
 template <class Pressure>
@@ -592,10 +627,9 @@ void ClothModel::Impl::add_drag(double tangential, const Pressure& pressure, con
     const Vector3<Lanes> resistance =
         pressure(s) * n + broadcast<Lanes>(tangential) * (mean - s * n);
     const Vector3<Lanes> of_triangle = -group.shape.area * resistance;
-    // Not a loop: GCC 12 at -O3 loses what it stores.
-    scatter_add(group.shares[0] * of_triangle, group.vertices[0], force.data());
-    scatter_add(group.shares[1] * of_triangle, group.vertices[1], force.data());
-    scatter_add(group.shares[2] * of_triangle, group.vertices[2], force.data());
+    scatter_add(std::array{group.shares[0] * of_triangle, group.shares[1] * of_triangle,
+                           group.shares[2] * of_triangle},
+                group.vertices, force.data());
   }
 }
 
@@ -611,8 +645,7 @@ ClothModel::ClothModel(const TriangleMesh& mesh, const Fabric& fabric, double ar
   impl_->model = fabric.model;
   impl_->index = Indices::of(fabric);
   const detail::Hem hem(mesh, hem_width);
-  impl_->elements = detail::make_elements(
-      mesh, impl_->index.diagonals ? detail::Diagonals::all : detail::Diagonals::none, hem);
+  impl_->elements = detail::make_elements(mesh, kinds_of(fabric), hem);
   impl_->masses = areal_density * (vertex_areas(mesh) + hem.vertex_areas());
   set_fabric(fabric);
 }
@@ -664,12 +697,12 @@ void ClothModel::strains(const Points& x, VecX& c) const {
     store(s.falling.value, first + 1, 3, count, c);
     store(Lanes{}, first + 2, 3, count, c);
   }
-  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
-    const auto value = curvature_of(elements.bending[i], x).value;
+  impl_->for_each_bending([&](const auto& group, std::size_t i) {
+    const auto value = curvature_of(group, x).value;
     const int first = impl_->first_curvature() + static_cast<int>(i) * kLanes * 3;
     for (std::size_t k = 0; k < 3; ++k)
-      store(value[k], first + static_cast<int>(k), 3, elements.bending[i].count, c);
-  }
+      store(value[k], first + static_cast<int>(k), 3, group.count, c);
+  });
 }
 
 double ClothModel::potential(const Points& x, const DampingRate& damping) const {
@@ -769,7 +802,7 @@ void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) cons
   const auto& elements = impl_->elements;
   jacobian.triangles.resize(elements.triangles.size());
   jacobian.diagonals.resize(elements.diagonals.size());
-  jacobian.bending.resize(elements.bending.size());
+  jacobian.bending.resize(elements.bending.size() + elements.hinges.size());
   for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
     const TriangleGroup& group = elements.triangles[i];
     auto& out = jacobian.triangles[i];
@@ -795,8 +828,7 @@ void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) cons
       out.gradient[2][vertex] = {Lanes{}, Lanes{}, Lanes{}};
     }
   }
-  for (std::size_t i = 0; i < elements.bending.size(); ++i) {
-    const BendingGroup& group = elements.bending[i];
+  impl_->for_each_bending([&](const auto& group, std::size_t i) {
     auto& out = jacobian.bending[i];
     out.count = group.count;
     out.vertices = group.vertices;
@@ -806,7 +838,7 @@ void ClothModel::strain_jacobian(const Points& x, StrainJacobian& jacobian) cons
       one[k] = broadcast<Lanes>(1);
       out.gradient[k] = curvature_gradient(group.map, curvature, one);
     }
-  }
+  });
 }
 
 void ClothModel::drag_jacobian(const Points& x, const Points& v, DragJacobian& jacobian) const {
@@ -859,10 +891,12 @@ double ClothModel::damping_power(const Points& x, const Points& v) const {
     power +=
         group.area * (k.diagonal.kd * (rate.rising * rate.rising + rate.falling * rate.falling));
   }
-  for (const BendingGroup& group : impl_->elements.bending) {
+  impl_->for_each_bending([&]<class Stencil>(const StencilGroup<Stencil>& group, std::size_t) {
     const auto rate = curvature_rates(group, curvature_of(group, x), v);
-    for (std::size_t j = 0; j < 3; ++j) power += group.areas[j] * k.bend.kd * rate[j] * rate[j];
-  }
+    const auto stiffness = k.curvatures<Stencil>();
+    for (std::size_t j = 0; j < 3; ++j)
+      power += group.areas[j] * stiffness[j]->kd * rate[j] * rate[j];
+  });
   return sum_lanes(power);
 }
 

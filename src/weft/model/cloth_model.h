@@ -32,7 +32,8 @@ struct DampingRate {
 /// A fabric of model "baraff-witkin-diagonals" has diagonals besides (strain/diagonal.h), which
 /// resist elongation at 45 degrees to the threads and no shortening: of each element of diagonals.h
 /// two components and an empty third one of no weight, between those of the membrane and the
-/// curvatures.
+/// curvatures. One of "baraff-witkin-hinges" has them, too, and bends by hinges (hinges.h): for the
+/// curvatures of each element stand the bend at an edge and the two twists of a cell.
 ///
 /// All functions are const and keep no state between calls: one model may serve several threads.
 /// A triangle that has collapsed gives finite values (stretch.h, dihedral_angle.h).

@@ -63,8 +63,8 @@ class ElasticModel {
   }
 };
 
-/// The model that `fabric.model` names on `mesh`; of "baraff-witkin" and "baraff-witkin-diagonals"
-/// the elastic part. `grain_angle` (rad): u of the material lies at
+/// The model that `fabric.model` names on `mesh`; of a motion model (fabric.h) the elastic part.
+/// `grain_angle` (rad): u of the material lies at
 /// this angle, counter-clockwise, from the first axis of the mesh's material coordinates.
 /// `hem_width` (m): hem.h, of these two models. Throws Error for a name that is no elastic model, a
 /// mesh or fabric that is not valid, or a hem that cannot be.

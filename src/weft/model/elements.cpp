@@ -8,10 +8,12 @@ namespace {
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 BlockPattern make_pattern(const TriangleMesh& mesh, const std::vector<BendingElement>& bending,
+                          const std::vector<HingeElement>& hinges,
                           const std::vector<DiagonalElement>& diagonals) {
   BlockPattern pattern(mesh.vertex_count());
-  for (const BendingElement& element : bending)  // contains the triangle
-    pattern.add_element(element.vertices);
+  // Each triangle is contained in one of these.
+  for (const BendingElement& element : bending) pattern.add_element(element.vertices);
+  for (const HingeElement& element : hinges) pattern.add_element(element.vertices);
   for (const DiagonalElement& element : diagonals) pattern.add_element(element.vertices);
   pattern.finish();
   return pattern;
@@ -61,11 +63,12 @@ std::array<double, 3> areas_of(const TriangleMesh& mesh, const BendingElement& e
   return {element.area + share * second.x(), element.area + share * second.y(), element.area};
 }
 
-void place(const BendingElement& element, const std::array<double, 3>& areas,
-           const BlockPattern& pattern, int lane, BendingGroup& group) {
+template <class Element, class Stencil>
+void place(const Element& element, const std::array<double, 3>& areas, const BlockPattern& pattern,
+           int lane, StencilGroup<Stencil>& group) {
   place_vertices(element.vertices, pattern, lane, group);
   for (std::size_t k = 0; k < 3; ++k)
-    for (std::size_t j = 0; j < 3; ++j) group.map.r[k][j][lane] = element.map.r[k][j];
+    for (std::size_t j = 0; j < Stencil::hinges; ++j) group.map.r[k][j][lane] = element.map.r[k][j];
   for (std::size_t k = 0; k < 3; ++k) group.areas[k][lane] = lane < group.count ? areas[k] : 0;
 }
 
@@ -94,16 +97,19 @@ std::vector<Group> groups(int count, const Place& place_one) {
 
 }  // namespace
 
-Elements make_elements(const TriangleMesh& mesh, Diagonals which, const Hem& hem) {
+Elements make_elements(const TriangleMesh& mesh, ElementKinds kinds, const Hem& hem) {
   Elements elements;
-  const std::vector<BendingElement> bending = bending_elements(mesh);
-  const std::vector<DiagonalElement> diagonals =
-      which == Diagonals::all ? diagonal_elements(mesh) : std::vector<DiagonalElement>{};
-  const BlockPattern pattern = make_pattern(mesh, bending, diagonals);
+  std::vector<BendingElement> bending;
+  std::vector<HingeElement> hinges;
+  std::vector<DiagonalElement> diagonals;
+  if (kinds.bends == Bends::of_plate) bending = bending_elements(mesh);
+  if (kinds.bends == Bends::of_hinges) hinges = hinge_elements(mesh);
+  if (kinds.diagonals == Diagonals::all) diagonals = diagonal_elements(mesh);
+  const BlockPattern pattern = make_pattern(mesh, bending, hinges, diagonals);
   elements.pattern = pattern.matrix();
   elements.columns = pattern.columns();
   elements.diagonal_slots = pattern.diagonal_slots();
-  elements.bending_count = static_cast<int>(bending.size());
+  elements.bending_count = static_cast<int>(bending.size() + hinges.size());
   const auto shares = area_shares(mesh);
   elements.triangles =
       groups<TriangleGroup>(mesh.triangle_count(), [&](int t, int lane, TriangleGroup& group) {
@@ -114,10 +120,14 @@ Elements make_elements(const TriangleMesh& mesh, Diagonals which, const Hem& hem
       groups<DiagonalGroup>(elements.diagonal_count, [&](int t, int lane, DiagonalGroup& group) {
         place(diagonals[at(t)], pattern, lane, group);
       });
-  elements.bending =
-      groups<BendingGroup>(elements.bending_count, [&](int t, int lane, BendingGroup& group) {
+  elements.bending = groups<BendingGroup>(
+      static_cast<int>(bending.size()), [&](int t, int lane, BendingGroup& group) {
         const BendingElement& element = bending[at(t)];
         place(element, areas_of(mesh, element, hem), pattern, lane, group);
+      });
+  elements.hinges =
+      groups<HingeGroup>(static_cast<int>(hinges.size()), [&](int t, int lane, HingeGroup& group) {
+        place(hinges[at(t)], hinges[at(t)].areas, pattern, lane, group);
       });
   return elements;
 }

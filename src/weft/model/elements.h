@@ -8,6 +8,7 @@
 #include "weft/model/block_pattern.h"
 #include "weft/model/diagonals.h"
 #include "weft/model/hem.h"
+#include "weft/model/hinges.h"
 #include "weft/strain/triangle_shape.h"
 
 namespace weft::detail {
@@ -26,13 +27,16 @@ struct TriangleGroup {
 /// kLanes bending elements. `slots` of the blocks (1,0), (2,0), (2,1), (3,0) ...
 /// (5,4), see kPairs; where the row's vertex comes before the column's, the block is written
 /// transposed and its slot is ~slot.
-struct BendingGroup {
+template <class Stencil>
+struct StencilGroup {
   int count;
   std::array<std::array<int, kLanes>, 6> vertices;
   std::array<std::array<int, kLanes>, 15> slots;
-  CurvatureMap<Lanes> map;
-  std::array<Lanes, 3> areas;  ///< by component of the curvature; they differ at a hem
+  CurvatureMap<Lanes, Stencil> map;
+  std::array<Lanes, 3> areas;  ///< by component
 };
+using BendingGroup = StencilGroup<TriangleStencil>;  ///< areas differ at a hem
+using HingeGroup = StencilGroup<EdgeStencil>;
 
 /// kLanes diagonal elements, with slots as in BendingGroup.
 struct DiagonalGroup {
@@ -46,15 +50,22 @@ struct DiagonalGroup {
 struct Elements {
   std::vector<TriangleGroup> triangles;
   std::vector<DiagonalGroup> diagonals;
-  int diagonal_count;  ///< elements that are not filling
-  std::vector<BendingGroup> bending;
-  int bending_count;  ///< elements that are not filling
+  int diagonal_count;                 ///< elements that are not filling
+  std::vector<BendingGroup> bending;  ///< or else
+  std::vector<HingeGroup> hinges;
+  int bending_count;  ///< elements of these that are not filling
   SparseMatrix pattern;
   std::vector<ColumnLayout> columns;  ///< one a vertex
   std::vector<int> diagonal_slots;
 };
 
 enum class Diagonals { none, all };
-Elements make_elements(const TriangleMesh& mesh, Diagonals diagonals, const Hem& hem);
+enum class Bends { of_plate, of_hinges };
+struct ElementKinds {
+  Diagonals diagonals;
+  Bends bends;
+};
+/// Throws Error for hinges on a mesh that is no grid.
+Elements make_elements(const TriangleMesh& mesh, ElementKinds kinds, const Hem& hem);
 
 }  // namespace weft::detail

@@ -3,7 +3,8 @@
 /// folded over and sewn down. With the strip's width w, the second layer has the mass rho w per
 /// length (kg/m), the stretch stiffness k w (N) and the flexural rigidity B w (N m^2) along the
 /// rim, and the damping that goes with both. It lies on the line of the rim: it adds nothing across
-/// it, to shear, or to the drag.
+/// it, to shear, or to the drag. A model that bends by hinges (hinges.h) has none on the rim, and
+/// no bend of a hem.
 ///
 /// Lattices of equal masses and springs, in which much cloth is animated, are sheets with a hem of
 /// half a cell: their rim has one row of threads where a sheet has half of one.

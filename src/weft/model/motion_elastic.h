@@ -5,9 +5,9 @@
 
 namespace weft::detail {
 
-/// The elastic part of a ClothModel ("baraff-witkin" and "baraff-witkin-diagonals") for statics:
-/// damping and drag, which do nothing at rest, have zero derivatives. `mesh` is valid, `fabric` of
-/// such a model. Bending has the twist factor of bending.h.
+/// The elastic part of a ClothModel for statics: damping and drag, which do nothing at rest, have
+/// zero derivatives. `mesh` is valid, `fabric` of a motion model. Bending has the twist factor of
+/// bending.h.
 std::unique_ptr<ElasticModel> make_motion_elastic(const TriangleMesh& mesh, const Fabric& fabric,
                                                   double grain_angle, double hem_width);
 

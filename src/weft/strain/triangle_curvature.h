@@ -1,5 +1,7 @@
 #pragma once
-/// Curvature of a triangle from the dihedral angles at its three edges (bend).
+/// Curvatures from the dihedral angles at the hinges of a stencil of six vertices (bend).
+///
+/// TriangleStencil: the curvature of a triangle from the angles at its three edges.
 ///
 /// The curvature of a surface made of flat triangles sits on its edges: an edge of length l with
 /// the unit normal n in the plane of the fabric and the angle theta adds theta l n n^T to the
@@ -13,24 +15,17 @@
 ///
 ///     gradient of C_k = sum_j R_kj grad theta_j,   Hessian = sum_j R_kj Hess theta_j.
 ///
-/// Stencil: vertices 0, 1, 2 of the triangle, counter-clockwise in (u, v), and 3 + j, the apex
+/// Vertices 0, 1, 2 of the triangle, counter-clockwise in (u, v), and 3 + j, the apex
 /// across the edge from j to j + 1. Positive where the sheet is hollow on the front.
+///
+/// EdgeStencil: the angles at both ends of an edge between two cells of a grid, and those of one of
+/// the cells over its diagonals. The edge goes from 0 to 1; on its left, counter-clockwise in (u,
+/// v), is the cell 0, 1, 4, 2, on its right 1, 0, 3, 5. Hinges: the edge with the apexes 2 and 3
+/// beside its start, the same with 4 and 5 beside its end, the left cell over the diagonals 0-4 and
+/// 1-2.
 #include "weft/strain/dihedral_angle.h"
 
 namespace weft {
-
-/// The linear map from angles (rad) to curvature components (1/m): row k, column j. A column is
-/// zero where an edge is on the rim; the apex across it is then any vertex of that edge.
-template <class T = double>
-struct CurvatureMap {
-  std::array<std::array<T, 3>, 3> r;
-};
-
-template <class T>
-struct TriangleCurvature {
-  std::array<T, 3> value;  ///< K_uu, K_vv, sqrt(2) K_uv times the map's factor, 1/m
-  std::array<DihedralAngle<T>, 3> angles;
-};
 
 namespace detail {
 /// Vertices of hinge j in the stencil of the triangle.
@@ -39,29 +34,74 @@ constexpr std::array<std::size_t, 4> hinge_vertices(std::size_t j) {
 }
 }  // namespace detail
 
+struct TriangleStencil {
+  static constexpr std::size_t hinges = 3;
+  static constexpr std::array<std::size_t, 4> hinge(std::size_t j) {
+    return detail::hinge_vertices(j);
+  }
+};
+
+struct EdgeStencil {
+  static constexpr std::size_t hinges = 4;
+  static constexpr std::array<std::size_t, 4> hinge(std::size_t j) {
+    constexpr std::array<std::array<std::size_t, 4>, hinges> kHinges{
+        {{0, 1, 2, 3}, {0, 1, 4, 5}, {0, 4, 2, 1}, {1, 2, 0, 4}}};
+    return kHinges[j];
+  }
+};
+
+/// The linear map from angles (rad) to curvature components (1/m): row k, column j. A column is
+/// zero where there is no angle (an edge on the rim); the vertices of that hinge are then any.
+template <class T = double, class Stencil = TriangleStencil>
+struct CurvatureMap {
+  std::array<std::array<T, Stencil::hinges>, 3> r;
+
+  /// Derivative of sum_k factor[k] C_k by angle j.
+  T moment(const std::array<T, 3>& factor, std::size_t j) const {
+    return r[0][j] * factor[0] + r[1][j] * factor[1] + r[2][j] * factor[2];
+  }
+};
+
+template <class T, class Stencil>
+struct StencilCurvature {
+  std::array<T, 3> value;  ///< components, 1/m
+  std::array<DihedralAngle<T>, Stencil::hinges> angles;
+};
+/// K_uu, K_vv, sqrt(2) K_uv times the map's factor.
 template <class T>
-inline TriangleCurvature<T> triangle_curvature(const CurvatureMap<T>& map,
-                                               const std::array<Vector3<T>, 6>& x) {
-  TriangleCurvature<T> out;
-  for (std::size_t j = 0; j < 3; ++j) {
-    const auto v = detail::hinge_vertices(j);
+using TriangleCurvature = StencilCurvature<T, TriangleStencil>;
+
+template <class T, class Stencil>
+inline StencilCurvature<T, Stencil> stencil_curvature(const CurvatureMap<T, Stencil>& map,
+                                                      const std::array<Vector3<T>, 6>& x) {
+  StencilCurvature<T, Stencil> out;
+  for (std::size_t j = 0; j < Stencil::hinges; ++j) {
+    const auto v = Stencil::hinge(j);
     out.angles[j] = dihedral_angle(x[v[0]], x[v[1]], x[v[2]], x[v[3]]);
   }
-  for (std::size_t k = 0; k < 3; ++k)
-    out.value[k] = map.r[k][0] * out.angles[0].value + map.r[k][1] * out.angles[1].value +
-                   map.r[k][2] * out.angles[2].value;
+  for (std::size_t k = 0; k < 3; ++k) {
+    out.value[k] = map.r[k][0] * out.angles[0].value;
+    for (std::size_t j = 1; j < Stencil::hinges; ++j)
+      out.value[k] = out.value[k] + map.r[k][j] * out.angles[j].value;
+  }
   return out;
 }
 
-/// Sum over the components of factor[k] times the gradient of component k, by vertex.
 template <class T>
-inline std::array<Vector3<T>, 6> curvature_gradient(const CurvatureMap<T>& map,
-                                                    const TriangleCurvature<T>& curvature,
+inline TriangleCurvature<T> triangle_curvature(const CurvatureMap<T>& map,
+                                               const std::array<Vector3<T>, 6>& x) {
+  return stencil_curvature(map, x);
+}
+
+/// Sum over the components of factor[k] times the gradient of component k, by vertex.
+template <class T, class Stencil>
+inline std::array<Vector3<T>, 6> curvature_gradient(const CurvatureMap<T, Stencil>& map,
+                                                    const StencilCurvature<T, Stencil>& curvature,
                                                     const std::array<T, 3>& factor) {
   std::array<Vector3<T>, 6> out{};
-  for (std::size_t j = 0; j < 3; ++j) {
-    const T moment = map.r[0][j] * factor[0] + map.r[1][j] * factor[1] + map.r[2][j] * factor[2];
-    const auto v = detail::hinge_vertices(j);
+  for (std::size_t j = 0; j < Stencil::hinges; ++j) {
+    const T moment = map.moment(factor, j);
+    const auto v = Stencil::hinge(j);
     const auto g = curvature.angles[j].gradient();
     for (std::size_t i = 0; i < 4; ++i) out[v[i]] = out[v[i]] + moment * g[i];
   }
@@ -93,16 +133,16 @@ struct CurvatureHessian {
 
 /// The sum over the components of rank_one[k] gradient gradient^T, rank_one >= 0. Positive
 /// semi-definite.
-template <class T>
-inline CurvatureHessian<T> curvature_gauss_newton(const CurvatureMap<T>& map,
-                                                  const TriangleCurvature<T>& curvature,
+template <class T, class Stencil>
+inline CurvatureHessian<T> curvature_gauss_newton(const CurvatureMap<T, Stencil>& map,
+                                                  const StencilCurvature<T, Stencil>& curvature,
                                                   const std::array<T, 3>& rank_one) {
-  std::array<std::array<Vector3<T>, 4>, 3> g;
-  for (std::size_t j = 0; j < 3; ++j) g[j] = curvature.angles[j].gradient();
+  std::array<std::array<Vector3<T>, 4>, Stencil::hinges> g;
+  for (std::size_t j = 0; j < Stencil::hinges; ++j) g[j] = curvature.angles[j].gradient();
   std::array<std::array<Vector3<T>, 6>, 3> a{};
   for (std::size_t k = 0; k < 3; ++k)
-    for (std::size_t j = 0; j < 3; ++j) {
-      const auto v = detail::hinge_vertices(j);
+    for (std::size_t j = 0; j < Stencil::hinges; ++j) {
+      const auto v = Stencil::hinge(j);
       for (std::size_t i = 0; i < 4; ++i) a[k][v[i]] = a[k][v[i]] + map.r[k][j] * g[j][i];
     }
   CurvatureHessian<T> out;
@@ -123,12 +163,13 @@ inline CurvatureHessian<T> curvature_gauss_newton(const CurvatureMap<T>& map,
 }
 
 /// Adds the sum over the components of factor[k] times the Hessian of component k.
-template <class T>
-inline void add_curvature_hessian(const CurvatureMap<T>& map, const TriangleCurvature<T>& curvature,
+template <class T, class Stencil>
+inline void add_curvature_hessian(const CurvatureMap<T, Stencil>& map,
+                                  const StencilCurvature<T, Stencil>& curvature,
                                   const std::array<T, 3>& factor, CurvatureHessian<T>& hessian) {
-  for (std::size_t j = 0; j < 3; ++j) {
-    const T moment = map.r[0][j] * factor[0] + map.r[1][j] * factor[1] + map.r[2][j] * factor[2];
-    const auto v = detail::hinge_vertices(j);
+  for (std::size_t j = 0; j < Stencil::hinges; ++j) {
+    const T moment = map.moment(factor, j);
+    const auto v = Stencil::hinge(j);
     const HingeHessian<T> h = hinge_hessian(curvature.angles[j], moment);
     hessian.diagonal[v[0]] = hessian.diagonal[v[0]] + h.b00;
     hessian.diagonal[v[1]] = hessian.diagonal[v[1]] + h.b11;
