@@ -45,6 +45,10 @@ void run(const Arguments& arguments) {
   if (capture.hem_width > 0) fmt::print("hem         {:g} m\n", capture.hem_width);
   fmt::print("video       {}: {} frames at {:g} 1/s, fit frames {} to {}\n", capture.video.string(),
              capture.frame_count, capture.frame_rate, capture.fit_first, capture.fit_last);
+  if (capture.start_surface) {
+    read_start_surface(capture, make_swatch(capture.width, capture.height, 2, 2));
+    fmt::print("start       {}\n", capture.start_surface->filename().string());
+  }
   fmt::print("camera      {} x {} px at ({:.3f}, {:.3f}, {:.3f}) m\n", capture.rig.width,
              capture.rig.height, capture.rig.camera.center().x(), capture.rig.camera.center().y(),
              capture.rig.camera.center().z());

@@ -38,6 +38,7 @@ TEST_F(ReadCapture, ReadsTheBundledCapture) {
   EXPECT_EQ(capture.height, 0.5);
   EXPECT_EQ(capture.areal_density, 0.3);
   EXPECT_EQ(capture.hem_width, 0);
+  EXPECT_FALSE(capture.start_surface.has_value());
   EXPECT_EQ(capture.gravity, Vec3(0, 0, -9.81));
   EXPECT_EQ(capture.frame_rate, 30);
   EXPECT_EQ(capture.frame_count, 100);

@@ -13,6 +13,7 @@
 #include "weft/estimate/fit.h"
 #include "weft/estimate/problem.h"
 #include "weft/estimate/synthetic.h"
+#include "weft/mesh/mesh_io.h"
 #include "weft/registration/stripe_surface.h"
 
 namespace weft {
@@ -196,6 +197,23 @@ TEST_F(TrialTest, WithoutStripesAGenericStartIsChosenAndNamed) {
     other.scene.start = start.x;
     EXPECT_LE(error, evaluate(other, Fabric::with_defaults("default")).error) << start.name;
   }
+}
+
+TEST_F(TrialTest, StartsFromTheSurfaceThatTheCaptureStates) {
+  Capture capture = *capture_;
+  const TruthSurface truth = read_truth(capture);
+  capture.start_surface = root_ / "start.obj";
+  write_obj(*capture.start_surface, truth.mesh, truth.frames[0]);
+  const auto cache = root_ / "start-cache";
+  const auto trial = prepare_trial(capture, 0, 0, small_trial(), 1, cache);
+  EXPECT_EQ(trial->start_name, "measured surface");
+  EXPECT_LT(distance_to_truth(trial->scene.mesh, trial->scene.start, truth, 0).mean, 5e-4);
+  // Another surface under the same name is another trial.
+  const Vec3 away(0, 0.01, 0);
+  write_obj(*capture.start_surface, truth.mesh, truth.frames[0].colwise() + away);
+  const auto moved = prepare_trial(capture, 0, 0, small_trial(), 1, cache);
+  EXPECT_LT((moved->scene.start - (trial->scene.start.colwise() + away)).cwiseAbs().maxCoeff(),
+            1e-6);
 }
 
 TEST_F(TrialTest, CacheGivesTheSameTrial) {

@@ -45,13 +45,15 @@ struct Capture {
   Rig rig;
   std::optional<LensDistortion> distortion;
   std::vector<CaptureFixture> fixtures;
+  /// OBJ, the surface of frame 0 as another instrument saw it; see read_start_surface.
+  std::optional<std::filesystem::path> start_surface;
   std::optional<TruthFiles> truth;
 };
 
 /// Reads and checks capture.toml and the files of motion: every key known, ranges, shapes; a camera
 /// and projector that see the fixtures; fixtures no further apart than the cloth can stretch (10 %
 /// more than their distance on the undeformed swatch); motion at least as long as the video. Throws
-/// Error. Does not open the video, and never anything of [truth] but its paths.
+/// Error. Does not open the video or start_surface, and never anything of [truth] but its paths.
 Capture read_capture(const std::filesystem::path& folder);
 
 /// Length of a stripe period in the camera image, px: on a plane that faces the camera at the depth
@@ -66,6 +68,12 @@ std::vector<Image> read_video(const Capture& capture, int first, int last);
 /// The scene to simulate frames first..last on a grid of columns x rows vertices; `start` empty
 /// until the caller sets it. Throws Error if a fixture is not at a vertex of that grid.
 Scene make_scene(const Capture& capture, int columns, int rows, int first, int last);
+
+/// Positions (3 x vertices, m) of the vertices of `mesh` on the start_surface of the capture, which
+/// must have one. Throws Error unless that is an OBJ with a (u, v) for each vertex, reaches the rim
+/// of the swatch to 2 % of its longer side, and is at most a tenth of that side away from each
+/// fixture.
+Points read_start_surface(const Capture& capture, const TriangleMesh& mesh);
 
 /// The true surface, frame by frame, where the capture has [truth]; for evaluation only.
 struct TruthSurface {
@@ -82,7 +90,7 @@ SurfaceDistance distance_to_truth(const TriangleMesh& mesh, const Points& x,
                                   const TruthSurface& truth, int frame);
 
 /// Writes a capture folder (capture.toml, motion, video or images, truth if given) that
-/// read_capture reads back.
+/// read_capture reads back, without a start_surface: `frames` show their own.
 struct CaptureFiles {
   std::vector<Image> frames;  ///< linear light; written as H.264 or as numbered PNG
   bool as_images = false;

@@ -54,6 +54,11 @@ void check_device(const Capture& capture, const Device& device) {
 
 }  // namespace
 
+void check_file_exists(const std::filesystem::path& file, const SourceLocation& where) {
+  if (!std::filesystem::is_regular_file(file))
+    throw error_at(where, fmt::format("no such file: {}", file.string()));
+}
+
 void check_video_exists(const std::filesystem::path& video, const SourceLocation& where) {
   const bool found = is_pattern(video) ? std::filesystem::is_directory(video.parent_path())
                                        : std::filesystem::is_regular_file(video);

@@ -32,7 +32,9 @@ struct FixtureSamples {
   std::vector<double> times;  ///< s
 };
 
-/// Throws Error if the file (or, for numbered images, their folder) does not exist.
+/// Throws Error if the file does not exist.
+void check_file_exists(const std::filesystem::path& file, const SourceLocation& where);
+/// The same of a video, or for numbered images of their folder.
 void check_video_exists(const std::filesystem::path& video, const SourceLocation& where);
 
 /// Throws Error unless the motion spans the frames of the video.

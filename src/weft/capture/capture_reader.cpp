@@ -101,6 +101,10 @@ class CaptureReader {
       capture_.fit_last = fit[1];
     }
     video.optional_choice("start", {"at-rest"});
+    if (video.has("start_surface")) {
+      capture_.start_surface = folder_ / video.string("start_surface");
+      check_file_exists(*capture_.start_surface, video.where("start_surface"));
+    }
     video.finish();
     check_video_exists(capture_.video, video.where("file"));
   }
@@ -154,9 +158,7 @@ class CaptureReader {
 
   const MotionFile& motion_file(const TomlTable& table) {
     const std::filesystem::path path = folder_ / table.string("motion");
-    if (!std::filesystem::is_regular_file(path)) {
-      throw error_at(table.where("motion"), fmt::format("no such file: {}", path.string()));
-    }
+    check_file_exists(path, table.where("motion"));
     return motion_files_.try_emplace(path, path).first->second;
   }
 

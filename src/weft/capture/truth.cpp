@@ -5,32 +5,14 @@
 
 #include "weft/base/error.h"
 #include "weft/capture/capture.h"
+#include "weft/capture/material_surface.h"
 #include "weft/mesh/mesh_io.h"
 
 namespace weft {
-namespace {
-
-TriangleMesh read_truth_mesh(const std::filesystem::path& path) {
-  ObjMesh obj = read_obj(path);
-  if (!obj.texture) {
-    throw error_at({path, 0, "vt"}, "each vertex needs one vt: its (u, v) in m");
-  }
-  TriangleMesh mesh{std::move(*obj.texture), std::move(obj.triangles)};
-  // Programs that write OBJ with v upwards wind their faces the other way round.
-  for (int t = 0; t < mesh.triangle_count(); ++t) {
-    auto& triangle = mesh.triangles[static_cast<std::size_t>(t)];
-    if (material_area(mesh, t) < 0) std::swap(triangle[1], triangle[2]);
-  }
-  validate(mesh, path.string());
-  return mesh;
-}
-
-}  // namespace
-
 TruthSurface read_truth(const Capture& capture) {
   if (!capture.truth) throw Error(fmt::format("capture \"{}\" has no [truth]", capture.name));
   TruthSurface truth;
-  truth.mesh = read_truth_mesh(capture.truth->rest_mesh);
+  truth.mesh = read_material_surface(capture.truth->rest_mesh).mesh;
   const std::filesystem::path& path = capture.truth->points;
   truth.frames = read_pc2(path).frames;
   if (truth.frames.front().cols() != truth.mesh.vertex_count()) {

@@ -211,6 +211,7 @@ std::string preparation_key(const Capture& capture, int first, int last,
     add_motion(hash, fixture.motion, times);
   }
   add_video(hash, capture.video);
+  if (capture.start_surface) add_file(hash, *capture.start_surface);
   return hash.hex();
 }
 

@@ -75,6 +75,12 @@ void choose_generic_start(Trial& trial, const std::string& model, int threads) {
 
 void set_start(Trial& trial, const Image& first_frame, int threads) {
   const Capture& capture = trial.capture;
+  if (capture.start_surface) {
+    trial.scene.start = read_start_surface(capture, trial.scene.mesh);
+    trial.start_name = "measured surface";
+    trial.start_note = capture.start_surface->filename().string();
+    return;
+  }
   const Mask silhouette =
       find_silhouette(first_frame, {.stripe_period = image_stripe_period(capture)}).silhouette;
   const StripePoints points = decode_stripes(first_frame, silhouette, capture.rig, trial.scene);
