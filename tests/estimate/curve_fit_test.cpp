@@ -170,6 +170,35 @@ TEST(FitCurves, WhatPaysOnTheCellsOfTheFitAloneIsNotKept) {
   EXPECT_EQ(found.fit.fabric.value_count("warp_bend"), 1);
 }
 
+// Bends over straight edges of a cloth that does not couple them: what the fit's cells say of the
+// diagonal is their error.
+TEST(FitCurves, ADiagonalBendThatIsNotDeterminedStaysAsItBegins) {
+  const test::TemporaryFolder folder;
+  Fabric truth = nonlinear_fabric();
+  truth.set("diagonal_bend", 5e-5);
+  RigOptions rig = small_rig();
+  rig.noise.points = 75e-6;
+  MechanicalOptions mesh;
+  mesh.cells = 4;
+  Trials trials;
+  for (const RigTest test : {RigTest::weft_bend, RigTest::warp_bend})
+    trials.push_back(prepare_mechanical(
+        make_rig_capture(folder.path() / std::string(name_of(test)), test, truth, rig), mesh));
+  CurveFitOptions options;
+  options.passes = 1;
+  Fabric start = truth;
+  for (const char* row : {"weft_bend", "warp_bend", "diagonal_bend"})
+    start.set(row, 3 * truth.value(row));
+  const CurveFitResult found =
+      fit_curves(trials, start, {"weft_bend", "warp_bend", "diagonal_bend"}, options);
+  ASSERT_EQ(found.stages.size(), 3u);
+  EXPECT_EQ(found.stages[2].name, "diagonal_bend");
+  EXPECT_FALSE(found.stages[2].kept);
+  const auto part = [&](const char* row) { return found.fit.fabric.value(row) / start.value(row); };
+  EXPECT_NEAR(part("diagonal_bend"), std::sqrt(part("weft_bend") * part("warp_bend")), 1e-9);
+  EXPECT_NEAR(part("weft_bend"), 1.0 / 3, 0.03);
+}
+
 TEST(FitCurves, RefusesWhatMeansNothing) {
   const test::TemporaryFolder folder;
   const Fabric fabric = nonlinear_fabric();

@@ -321,7 +321,7 @@ class CurveFitter {
     for (const std::string& row : group.rows)
       points = std::max(points, may_be_curve(fabric_, row) ? fabric_.value_count(row) : 1);
     const MechanicalFitResult found = stage(group, fabric_, pass, points);
-    if (options_.order == FitOrder::incremental && points == 1 && ends_at_a_bound(found)) {
+    if (options_.order == FitOrder::incremental && points == 1 && left_at_start(group, found)) {
       result_.stages.back().kept = false;
       return;
     }
@@ -329,10 +329,21 @@ class CurveFitter {
     if (options_.shape == CurveShape::subdivided && pass == 1) subdivide(group, found.cost);
   }
 
-  /// What runs off to an end of its range follows something else, such as the error of the mesh.
+  /// What runs off to an end of its range follows something else, such as the error of the mesh;
+  /// and so does a diagonal bend that its tests do not determine.
+  static bool left_at_start(const Group& group, const MechanicalFitResult& found) {
+    return ends_at_a_bound(found) ||
+           (step_of(group.rows.front())->step == Step::diagonal && !is_determined(found));
+  }
+
   static bool ends_at_a_bound(const MechanicalFitResult& found) {
     return std::any_of(found.intervals.begin(), found.intervals.end(),
                        [](const ParameterInterval& p) { return p.at_lower || p.at_upper; });
+  }
+
+  static bool is_determined(const MechanicalFitResult& found) {
+    return std::all_of(found.intervals.begin(), found.intervals.end(),
+                       [](const ParameterInterval& p) { return p.determined; });
   }
 
   /// Begins rows of the diagonal bend in the proportion to the other bends that they have in the

@@ -62,7 +62,8 @@ struct CurveFitStage {
   int pass = 1;
   int points = 1;  ///< control points of its curve
   /// False: one control point more than pays, or, in the incremental order, a constant that ran off
-  /// to an end of its range; the parameters are those of before.
+  /// to an end of its range and a diagonal bend that its tests do not determine; the parameters are
+  /// those of before.
   bool kept = false;
   double cost_start = 0, cost = 0;
   /// On cells of half the width, where that was asked; else, and where it is not known, not a
