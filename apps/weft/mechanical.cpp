@@ -89,6 +89,8 @@ void check_mechanical(const std::string& folder) {
   fmt::print("frames      {}\n", capture.frame_count);
   if (capture.drive == ClipDrive::cords)
     fmt::print("drive       cords; a fit finds their friction\n");
+  if (capture.clip_noise > 0)
+    fmt::print("clips       known to {:g} m; a fit weighs forces with it\n", capture.clip_noise);
   for (const MechanicalFixture& fixture : capture.fixtures) print_fixture(fixture);
   if (capture.geometry) {
     fmt::print("shape       {} points\n", read_geometry(capture).mesh.vertex_count());

@@ -107,6 +107,16 @@ TEST_F(ReadMechanical, NamesFileLineAndKey) {
   EXPECT_THAT(refusal_with("clips.csv", ",1,0,0,0,", ",0.9,0,0,0,"),
               StartsWith("clips.csv:2: left_qw: quaternion of length 0.9"));
   EXPECT_THAT(refusal_with("clips.csv", "0.147535", "147.535"), HasSubstr("m apart at frame 0"));
+  const std::string kind = "kind = \"mechanical\"\n";
+  EXPECT_THAT(refusal_with("capture.toml", kind, kind + "clip_noise = 0.02\n"),
+              HasSubstr("capture.toml:4: clip_noise: 0.02 is out of range; must be in [0, 0.01]"));
+}
+
+TEST_F(ReadMechanical, ClipsAreExactUnlessTheirNoiseIsStated) {
+  EXPECT_EQ(read_mechanical_capture(folder_).clip_noise, 0);
+  const std::string kind = "kind = \"mechanical\"\n";
+  replace("capture.toml", kind, kind + "clip_noise = 1.5e-5\n");
+  EXPECT_EQ(read_mechanical_capture(folder_).clip_noise, 1.5e-5);
 }
 
 TEST_F(ReadMechanical, EachReaderSaysWhatTheOtherKindNeeds) {

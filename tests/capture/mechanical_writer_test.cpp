@@ -30,6 +30,7 @@ MechanicalCapture example() {
   capture.areal_density = 0.15;
   capture.grain_angle = 0.3;
   capture.gravity = Vec3(0, -9.8, 0.1);
+  capture.clip_noise = 1e-5 / 3;
   capture.frame_count = 3;
   capture.fixtures.resize(2);
   capture.fixtures[0].name = "table, left";
@@ -63,6 +64,7 @@ TEST(WriteMechanicalCapture, IsReadBackAsItWas) {
   EXPECT_EQ(read.areal_density, capture.areal_density);
   EXPECT_NEAR(read.grain_angle, capture.grain_angle, 1e-15);
   EXPECT_EQ(read.gravity, capture.gravity);
+  EXPECT_EQ(read.clip_noise, capture.clip_noise);
   ASSERT_EQ(read.frame_count, 3);
   ASSERT_EQ(read.fixtures.size(), 2u);
   EXPECT_EQ(read.fixtures[0].forces.cols(), 0);

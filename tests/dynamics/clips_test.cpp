@@ -182,5 +182,39 @@ TEST(ClipSensitivities, AgreeWithDifferences) {
   }
 }
 
+TEST(ClipPoseSensitivities, AgreeWithDifferences) {
+  const TriangleMesh mesh = strip_mesh();
+  const auto model = make_elastic_model(mesh, stvk(50, 0.3, 1e-5), 0.4);
+  const HeavyCloth cloth(*model, 0.3, kDown);
+  std::vector<Clip> clips = ends(0.004);
+  clips[1].rotation = Eigen::AngleAxisd(0.3, Vec3(1, 1, 0).normalized());
+  StaticOptions tight;
+  tight.force_tolerance = 1e-11;
+  const Points start = solve_clips(cloth, clips, blend_of_clips(mesh.material, clips), tight).x;
+  // Displacements of both clips, then of each a turn about its position.
+  const auto forces = [&](const VecX& poses) {
+    std::vector<Clip> there = clips;
+    for (std::size_t c = 0; c < 2; ++c) {
+      const auto first = 6 * static_cast<Eigen::Index>(c);
+      const Vec3 turn = poses.segment<3>(first + 3);
+      there[c].position += poses.segment<3>(first);
+      if (turn.norm() > 0)
+        there[c].rotation = Eigen::AngleAxisd(turn.norm(), turn.normalized()) * there[c].rotation;
+    }
+    return VecX(flat(solve_clips(cloth, there, start, tight).forces));
+  };
+  const MatX found = clip_pose_sensitivities(cloth, clips, start);
+  const MatX numeric = testing::numeric_jacobian(forces, VecX::Zero(12), 1e-4);
+  ASSERT_EQ(found.rows(), 6);
+  ASSERT_EQ(found.cols(), 12);
+  for (const int first : {0, 3, 6, 9})
+    EXPECT_TRUE(
+        testing::near(MatX(found.middleCols(first, 3)), MatX(numeric.middleCols(first, 3)), 1e-5))
+        << "columns from " << first;
+  // What pulls at one end pulls at the other: no pose changes the sum, and no common one anything.
+  EXPECT_LT((found.topRows(3) + found.bottomRows(3)).norm(), 1e-9 * found.norm());
+  EXPECT_LT((found.leftCols(3) + found.middleCols(6, 3)).norm(), 1e-9 * found.norm());
+}
+
 }  // namespace
 }  // namespace weft

@@ -94,6 +94,8 @@ TEST(SimulateRig, NoiseIsAsStated) {
       simulate_rig(RigTest::weft_stretch, soft_fabric(), without_noise(options));
   options.noise.cord_friction = 0;
   const RigMeasurement noisy = simulate_rig(RigTest::weft_stretch, soft_fabric(), options);
+  EXPECT_EQ(exact.capture.clip_noise, 0);
+  EXPECT_EQ(noisy.capture.clip_noise, 75e-6 / 6);
   double squares = 0;
   for (std::size_t k = 0; k < 3; ++k)
     squares += (noisy.geometry.frames[k] - exact.geometry.frames[k]).squaredNorm();
@@ -146,6 +148,9 @@ TEST(RigLayout, RefusesWhatItCannotPlan) {
   options = small_rig();
   options.largest_overhang = 0.1;
   EXPECT_THROW(rig_layout(RigTest::weft_bend, fabric, options), Error);
+  options = small_rig();
+  options.noise.clips = 0.02;  // more than a capture can state
+  EXPECT_THROW(rig_layout(RigTest::weft_stretch, fabric, options), Error);
   fabric.areal_density.reset();
   EXPECT_THROW(rig_layout(RigTest::shear, fabric, small_rig()), Error);
   Fabric table = Fabric::with_defaults("table", "piecewise-linear");

@@ -73,6 +73,13 @@ void expect_same(const MechanicalFitResult& a, const MechanicalFitResult& b) {
     EXPECT_EQ(a.history[i].cost, b.history[i].cost) << "evaluation " << i + 1;
 }
 
+/// The same test, by a rig whose clips are known to 0.01 mm.
+std::shared_ptr<const MechanicalTrial> with_clip_noise(const MechanicalTrial& trial) {
+  auto noisy = std::make_shared<MechanicalTrial>(trial);
+  noisy->capture.clip_noise = 1e-5;
+  return noisy;
+}
+
 /// How a fit is done that is killed after `left` evaluations.
 using Fit = std::function<MechanicalFitResult(std::shared_ptr<MechanicalStore>, int left)>;
 
@@ -127,9 +134,30 @@ TEST_F(MechanicalStoreTest, AFitContinuesAfterAnyEvaluation) {
   EXPECT_NE(problem.cost(to, nullptr, &shapes), problem.cost(to));
 }
 
+TEST_F(MechanicalStoreTest, SearchesWithOtherWeightsContinue) {
+  const Fabric truth = true_fabric();
+  const MechanicalProblem problem({with_clip_noise(*trial(RigTest::weft_stretch, truth)),
+                                   with_clip_noise(*trial(RigTest::warp_stretch, truth))},
+                                  truth, {"weft_stretch_1", "warp_stretch"});
+  Fabric start = truth;
+  start.set("weft_stretch_1", 3000);
+  start.set("warp_stretch", 1500);
+  const Fit fit = [&](std::shared_ptr<MechanicalStore> store, int left) {
+    MechanicalProblem own = problem;
+    own.keep_in(std::move(store));
+    return fit_mechanical(own, start, {}, [&](const MechanicalFitStep&) {
+      if (--left == 0) throw Killed();
+      return true;
+    });
+  };
+  expect_continues(
+      fit, [&] { return path(); }, 3);
+}
+
 TEST_F(MechanicalStoreTest, FitsOfCurvesContinueInBothOrders) {
   const Fabric truth = true_fabric();
-  const Trials trials{trial(RigTest::weft_stretch, truth), trial(RigTest::weft_bend, truth)};
+  const Trials trials{with_clip_noise(*trial(RigTest::weft_stretch, truth)),
+                      trial(RigTest::weft_bend, truth)};
   Fabric start = Fabric::with_defaults("start", "stvk-diagonal");
   start.set("weft_stretch", 3000);
   start.set("weft_bend", 8e-4);
@@ -235,6 +263,7 @@ TEST_F(MechanicalStoreTest, WhatIsComputedOtherwiseHasAnotherFingerprint) {
   };
   changed([](MechanicalTrial& t) { t.capture.areal_density *= 1.01; });
   changed([](MechanicalTrial& t) { t.capture.grain_angle += 0.01; });
+  changed([](MechanicalTrial& t) { t.capture.clip_noise = 1e-5; });
   changed([](MechanicalTrial& t) { t.capture.gravity.z() += 0.01; });
   changed([](MechanicalTrial& t) { t.capture.fixtures[0].frames[1].position.x() += 1e-6; });
   changed([](MechanicalTrial& t) { t.capture.fixtures[0].forces.setZero(3, 3); });

@@ -19,6 +19,7 @@ namespace {
 
 constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
 constexpr Range kGrainAngle{-360, 360};  // degrees
+constexpr Range kClipNoise{0, 0.01};     // m
 constexpr double kOnSwatch = 1e-6;       // m
 constexpr double kSamePoint = 1e-9;      // m
 constexpr double kUnitLength = 1e-3;     // of a quaternion
@@ -132,6 +133,7 @@ class MechanicalReader {
     capture_.name = file_.optional_string("name").value_or(
         (folder_.has_filename() ? folder_ : folder_.parent_path()).filename().string());
     capture_.description = file_.optional_string("description").value_or("");
+    capture_.clip_noise = file_.optional_number("clip_noise", kClipNoise).value_or(0);
   }
 
   // The general form.

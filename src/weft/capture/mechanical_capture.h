@@ -48,6 +48,9 @@ struct MechanicalCapture {
   Vec3 gravity{0, 0, -9.81};  ///< m/s^2
   int frame_count = 0;
   ClipDrive drive = ClipDrive::rigid;
+  /// m, standard deviation of a coordinate of a clip's position in a frame; divided by half of the
+  /// clip's longer side, of a component of its rotation (rad). 0: poses count as exact.
+  double clip_noise = 0;
   std::vector<MechanicalFixture> fixtures;
   std::optional<GeometryFiles> geometry;
   /// Notes on the true parameters; nothing here reads them.

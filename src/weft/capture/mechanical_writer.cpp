@@ -58,6 +58,7 @@ std::string head_text(const MechanicalCapture& capture) {
   text += "name = " + toml_string(capture.name) + "\n";
   text += "description = " + toml_string(capture.description) + "\n";
   if (capture.drive == ClipDrive::cords) text += "drive = \"cords\"\n";
+  if (capture.clip_noise > 0) text += fmt::format("clip_noise = {}  # m\n", capture.clip_noise);
   text +=
       fmt::format("\n[swatch]\nwidth = {}  # m\nheight = {}  # m\n", capture.width, capture.height);
   text += fmt::format("areal_density = {}  # kg/m^2\n", capture.areal_density);

@@ -37,6 +37,32 @@ void sum_reactions(const Points& gradient, const std::vector<int>& clip_of,
   }
 }
 
+/// The sum over each clip's vertices: 3 clips x columns, of 3 vertices x columns.
+MatX sum_over_clips(const MatX& of_vertices, const std::vector<int>& clip_of, std::size_t clips) {
+  MatX sums = MatX::Zero(3 * static_cast<Eigen::Index>(clips), of_vertices.cols());
+  for (std::size_t i = 0; i < clip_of.size(); ++i)
+    if (clip_of[i] >= 0)
+      sums.middleRows(3 * clip_of[i], 3) +=
+          of_vertices.middleRows(3 * static_cast<Eigen::Index>(i), 3);
+  return sums;
+}
+
+/// Moves of the vertices by the poses of the clips that hold them: 3 vertices x 6 clips.
+MatX moves_by_poses(const Points& x, const std::vector<int>& clip_of,
+                    const std::vector<Clip>& clips) {
+  MatX moves = MatX::Zero(x.size(), 6 * static_cast<Eigen::Index>(clips.size()));
+  for (Eigen::Index i = 0; i < x.cols(); ++i) {
+    const int clip = clip_of[at(i)];
+    if (clip < 0) continue;
+    const Vec3 arm = x.col(i) - clips[at(clip)].position;
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      moves.block<3, 1>(3 * i, 6 * clip + k) = Vec3::Unit(k);
+      moves.block<3, 1>(3 * i, 6 * clip + 3 + k) = Vec3::Unit(k).cross(arm);
+    }
+  }
+  return moves;
+}
+
 }  // namespace
 
 bool MaterialRectangle::contains(const Vec2& uv) const {
@@ -133,17 +159,19 @@ ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<
   const std::vector<int> clip_of = clip_of_vertices(cloth.mesh(), clips);
   detail::EquilibriumDerivatives found =
       detail::equilibrium_derivatives(cloth, flags_of_held(clip_of), x, history_derivative);
-  const MatX& derivative = found.gradient;
   ClipSensitivities result;
   result.x = std::move(found.x);
   result.inexact = found.inexact;
-  result.forces = MatX::Zero(3 * static_cast<Eigen::Index>(clips.size()), derivative.cols());
-  for (std::size_t i = 0; i < clip_of.size(); ++i) {
-    if (clip_of[i] < 0) continue;
-    result.forces.middleRows(3 * clip_of[i], 3) +=
-        derivative.middleRows(3 * static_cast<Eigen::Index>(i), 3);
-  }
+  result.forces = sum_over_clips(found.gradient, clip_of, clips.size());
   return result;
+}
+
+MatX clip_pose_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
+                             const Points& x) {
+  const std::vector<int> clip_of = clip_of_vertices(cloth.mesh(), clips);
+  const MatX forces =
+      detail::held_stiffness(cloth, flags_of_held(clip_of), x, moves_by_poses(x, clip_of, clips));
+  return sum_over_clips(forces, clip_of, clips.size());
 }
 
 }  // namespace weft

@@ -93,4 +93,12 @@ struct ClipSensitivities {
 ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
                                      const Points& x, const MatX& history_derivative = {});
 
+/// Derivatives of the clips' forces at an equilibrium `x` by the clips' poses: 3 clips x 6 clips,
+/// of each clip three columns for its position (N/m) and three for a rotation vector about it, in
+/// world axes (N/rad). With the moves d of the vertices in the clips
+///
+///     dF = sum over the clip's vertices of (K_cc - K_cf K_ff^-1 K_fc) d.
+MatX clip_pose_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
+                             const Points& x);
+
 }  // namespace weft

@@ -38,15 +38,26 @@ void solve_columns(const SparseCholesky<double>& cholesky, MatX& b) {
   }
 }
 
+/// The exact Hessian at `x`, lower triangle.
+SparseMatrix hessian_at(const HeavyCloth& cloth, const Points& x) {
+  SparseMatrix hessian = cloth.hessian_pattern();
+  hessian.coeffs().setZero();
+  Points gradient;
+  cloth.hessian(x, HessianKind::exact, gradient, hessian);
+  return hessian;
+}
+
+void zero_free_rows(const std::vector<char>& held, MatX& rows) {
+  for (std::size_t i = 0; i < held.size(); ++i)
+    if (!held[i]) rows.middleRows(3 * static_cast<Eigen::Index>(i), 3).setZero();
+}
+
 }  // namespace
 
 EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth,
                                                const std::vector<char>& held, const Points& x,
                                                const MatX& history_derivative) {
-  SparseMatrix hessian = cloth.hessian_pattern();
-  hessian.coeffs().setZero();
-  Points gradient;
-  cloth.hessian(x, HessianKind::exact, gradient, hessian);
+  const SparseMatrix hessian = hessian_at(cloth, x);
   SparseCholesky<double> cholesky(hessian, held, cloth.mesh().material);
   EquilibriumDerivatives result;
   result.inexact = !factorize(cloth.masses(), hessian, cholesky);
@@ -56,9 +67,21 @@ EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth,
   result.x = -result.gradient;
   solve_columns(cholesky, result.x);
   result.gradient += hessian.selfadjointView<Eigen::Lower>() * result.x;
-  for (std::size_t i = 0; i < held.size(); ++i)
-    if (!held[i]) result.gradient.middleRows(3 * static_cast<Eigen::Index>(i), 3).setZero();
+  zero_free_rows(held, result.gradient);
   return result;
+}
+
+MatX held_stiffness(const HeavyCloth& cloth, const std::vector<char>& held, const Points& x,
+                    const MatX& moves) {
+  const SparseMatrix hessian = hessian_at(cloth, x);
+  SparseCholesky<double> cholesky(hessian, held, cloth.mesh().material);
+  factorize(cloth.masses(), hessian, cholesky);
+  MatX shift = -(hessian.selfadjointView<Eigen::Lower>() * moves);
+  solve_columns(cholesky, shift);
+  shift += moves;
+  MatX forces = hessian.selfadjointView<Eigen::Lower>() * shift;
+  zero_free_rows(held, forces);
+  return forces;
 }
 
 }  // namespace weft::detail

@@ -18,4 +18,12 @@ EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth,
                                                const std::vector<char>& held, const Points& x,
                                                const MatX& history_derivative = {});
 
+/// How the forces that hold the vertices change when these are moved and the free ones come to rest
+/// again: the Schur complement of the exact Hessian times `moves` (3 vertices x any, m per unit,
+/// zero where vertices are free), N per unit, zero where vertices are free. Where the Hessian is
+/// not positive definite the free vertices answer as in equilibrium_derivatives(). Throws Error for
+/// a Hessian that is not finite.
+MatX held_stiffness(const HeavyCloth& cloth, const std::vector<char>& held, const Points& x,
+                    const MatX& moves);
+
 }  // namespace weft::detail

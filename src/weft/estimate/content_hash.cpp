@@ -153,6 +153,7 @@ void add_trial(ContentHash& hash, const MechanicalTrial& trial) {
     hash.add(value);
   hash.add(capture.gravity);
   hash.add(capture.frame_count);
+  if (capture.clip_noise > 0) hash.add(capture.clip_noise);
   hash.add(capture.fixtures.size());
   for (const MechanicalFixture& fixture : capture.fixtures) {
     for (const Clip& clip : fixture.frames) {

@@ -23,6 +23,19 @@ inline constexpr double least_clip_way = 75e-6;
 /// a standstill.
 Points ways_of_clip(const std::vector<Clip>& frames, double least_way = least_clip_way);
 
+/// The same of all clips of a capture, one matrix a fixture. Where the capture states a noise of
+/// its clips, they are looked at together. Motions are broken where any of them lies farther off,
+/// at the frame from which all together are farthest. A piece in which the ways of all are noise is
+/// a standstill; one in which they are not, but none is longer than twice `least_way`, has no ways,
+/// nor that out of it at its end. Of a way the components in the clip's axes that are no longer
+/// than `least_way` are left out.
+///
+/// For forces that are weighed with the noise of poses (force_weights.h) are known to the noise of
+/// the gauges in some directions, such as their sum over the clips and across the motion: a
+/// friction that points there by mistake, if only by some degrees, would be found to be none.
+std::vector<Points> ways_of_clips(const MechanicalCapture& capture,
+                                  double least_way = least_clip_way);
+
 /// Adds `friction` (N) along the ways to the computed forces of a trial: what the gauges would
 /// read.
 void add_cord_friction(const MechanicalTrial& trial, double friction, double least_way,

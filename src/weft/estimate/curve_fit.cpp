@@ -116,7 +116,7 @@ class CurveFitter {
     const std::size_t evaluations = result.fit.evaluations, replayed = result.fit.replayed;
     const Group all = everything();
     result.fit = assess_mechanical(problem(all, fabric_), fabric_, options_.fit);
-    const MechanicalProblem at_start = problem(all, start);
+    const MechanicalProblem at_start = problem(all, start, result.fit.weights);
     const std::size_t before = at_start.replayed();
     result.fit.cost_start = at_start.cost(at_start.scaled(start));
     result.fit.start = start;
@@ -252,7 +252,8 @@ class CurveFitter {
     return result;
   }
 
-  MechanicalProblem problem(const Group& group, const Fabric& fabric) const {
+  MechanicalProblem problem(const Group& group, const Fabric& fabric,
+                            const ForceWeights& weights = {}) const {
     MechanicalCostOptions cost = options_.cost;
     cost.forces = group.forces;
     for (const ParameterTie& tie : tied_) {
@@ -264,14 +265,16 @@ class CurveFitter {
     }
     MechanicalProblem result(group.trials, fabric, names(group.rows, fabric), cost,
                              options_.threads);
+    result.weigh_by(weights);
     result.keep_in(options_.store);
     return result;
   }
 
   // Fits.
 
-  MechanicalFitResult fit(const Group& group, const Fabric& from, const std::string& name) {
-    const MechanicalProblem p = problem(group, from);
+  MechanicalFitResult fit(const Group& group, const Fabric& from, const std::string& name,
+                          const ForceWeights& weights) {
+    const MechanicalProblem p = problem(group, from, weights);
     const MechanicalFitObserver observer = [&](const MechanicalFitStep& step) {
       if (observer_ && !observer_(name, step)) stopped_ = true;
       return !stopped_;
@@ -294,11 +297,12 @@ class CurveFitter {
     return {};
   }
 
-  /// A fit from `from`, noted as a stage.
-  MechanicalFitResult stage(const Group& group, const Fabric& from, int pass, int points) {
+  /// A fit from `from`, noted as a stage. `weights` to begin with; none: those of `from`.
+  MechanicalFitResult stage(const Group& group, const Fabric& from, int pass, int points,
+                            const ForceWeights& weights = {}) {
     const std::string name =
         points > 1 ? fmt::format("{}, {} points", group.name, points) : group.name;
-    MechanicalFitResult found = fit(group, from, name);
+    MechanicalFitResult found = fit(group, from, name, weights);
     result_.stages.push_back({.name = name,
                               .pass = pass,
                               .points = points,
@@ -326,7 +330,7 @@ class CurveFitter {
       return;
     }
     fabric_ = found.fabric;
-    if (options_.shape == CurveShape::subdivided && pass == 1) subdivide(group, found.cost);
+    if (options_.shape == CurveShape::subdivided && pass == 1) subdivide(group, found);
   }
 
   /// What runs off to an end of its range follows something else, such as the error of the mesh;
@@ -372,18 +376,19 @@ class CurveFitter {
         .mean();
   }
 
-  /// One more control point each, as long as it pays.
-  void subdivide(const Group& group, double cost) {
+  /// One more control point each, as long as it pays: with the weights of the fit without it, for
+  /// costs of different weights say nothing of each other.
+  void subdivide(const Group& group, MechanicalFitResult kept) {
     for (int points = 2; points <= options_.most_points && !stopped_; ++points) {
       Fabric finer = fabric_;
       if (!place_points(group, points, finer)) return;
-      const MechanicalFitResult found = stage(group, finer, 1, points);
+      MechanicalFitResult found = stage(group, finer, 1, points, kept.weights);
       const std::size_t place = result_.stages.size() - 1;
       result_.stages[place].kept =
-          pays(cost, found.cost) && pays_on_finer_cells(group, place, found);
+          pays(kept.cost, found.cost_first) && pays_on_finer_cells(group, place, kept, found);
       if (!result_.stages[place].kept) return;
-      cost = found.cost;
       fabric_ = found.fabric;
+      kept = std::move(found);
     }
   }
 
@@ -391,23 +396,25 @@ class CurveFitter {
     return before - after >= options_.least_reduction * before;
   }
 
-  /// Of the stage at `place`, which ended at `found`, against the one before. Where it cannot be
-  /// told the cells of the fit decide.
-  bool pays_on_finer_cells(const Group& group, std::size_t place,
+  /// Of the stage at `place`, which ended at `found`, against the one before, at `kept`. Where it
+  /// cannot be told the cells of the fit decide.
+  bool pays_on_finer_cells(const Group& group, std::size_t place, const MechanicalFitResult& kept,
                            const MechanicalFitResult& found) {
     if (options_.fit.mesh_error == MeshError::left_out || stopped_) return true;
     double& before = result_.stages[place - 1].finer_cost;
     double& after = result_.stages[place].finer_cost;
-    if (std::isnan(before)) before = cost_on_finer_cells(group, fabric_);
+    if (std::isnan(before) || !kept.weights.empty())
+      before = cost_on_finer_cells(group, kept.fabric, kept.weights);
     if (std::isnan(before)) return true;
-    after = cost_on_finer_cells(group, found.fabric);
+    after = cost_on_finer_cells(group, found.fabric, kept.weights);
     return std::isnan(after) || pays(before, after);
   }
 
   /// The least that the rows of `group` reach there, to second order about `estimate`.
-  double cost_on_finer_cells(const Group& group, const Fabric& estimate) {
+  double cost_on_finer_cells(const Group& group, const Fabric& estimate,
+                             const ForceWeights& weights) {
     const double unknown = std::numeric_limits<double>::quiet_NaN();
-    const MechanicalProblem here = problem(group, estimate);
+    const MechanicalProblem here = problem(group, estimate, weights);
     const VecX scaled = here.scaled(estimate);
     const std::size_t before = here.replayed();
     const auto finer = linearize_refined(here, scaled);

@@ -52,6 +52,11 @@ double dispersion_at(const MechanicalProblem& problem, const VecX& estimate) {
 }  // namespace
 
 OtherData mechanical_data(std::shared_ptr<const MechanicalProblem> problem, const VecX& estimate) {
+  if (problem->weights().empty() && problem->has_clip_noise()) {
+    MechanicalProblem weighed = *problem;
+    weighed.weigh_by(problem->force_weights(estimate));
+    problem = std::make_shared<MechanicalProblem>(std::move(weighed));
+  }
   const double dispersion = dispersion_at(*problem, estimate);
   OtherData data;
   data.cost = [problem, dispersion, memory = std::make_shared<Memory>()](const VecX& scaled) {

@@ -11,8 +11,9 @@ namespace weft {
 /// (cluster_dispersion() over the frames), which makes it minus the logarithm of a likelihood, as
 /// the video's is with its own. The dispersion is that at `estimate`, scaled coordinates, where
 /// `problem` fits best by itself, and not below what the stated noise makes, 2 / residual_count.
-/// `problem` must have the free parameters of the video's problem, in its order. Evaluations are
-/// remembered. Throws Error where `estimate` has no equilibrium.
+/// Forces are weighed as `problem` is, or, where it is not, as at `estimate`. `problem` must have
+/// the free parameters of the video's problem, in its order. Evaluations are remembered. Throws
+/// Error where `estimate` has no equilibrium.
 OtherData mechanical_data(std::shared_ptr<const MechanicalProblem> problem, const VecX& estimate);
 
 }  // namespace weft

@@ -21,6 +21,9 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// deviation off costs 1.
 constexpr double kEnoughReduction = 0.01;
 constexpr int kEnoughSteps = 2;
+/// Of a search with new weights: they have not changed where it ends.
+constexpr double kEnoughByWeights = 0.1;
+constexpr int kMostSearches = 8;
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -93,9 +96,7 @@ void MechanicalProblem::add_friction(std::size_t t) {
                       (options_.cord_friction == CordFriction::as_captured &&
                        trial.capture.drive == ClipDrive::cords);
   if (!wanted || !uses_forces(trial)) return;
-  Friction friction{t, {}, options_.force_noise};
-  for (const MechanicalFixture& fixture : trial.capture.fixtures)
-    friction.ways.push_back(ways_of_clip(fixture.frames, options_.least_way));
+  Friction friction{t, ways_of_clips(trial.capture, options_.least_way), options_.force_noise};
   bool seen = false;  // in what is compared
   for (int frame = 0; frame < trial.capture.frame_count; ++frame)
     for_each_force(trial, frame, [&](std::size_t fixture, const Vec3& direction, double value) {
@@ -235,6 +236,51 @@ void MechanicalProblem::add_force_residuals(std::size_t trial, const MechanicalF
       });
 }
 
+bool MechanicalProblem::has_clip_noise(const MechanicalTrial& trial) const {
+  return trial.capture.clip_noise > 0 && uses_forces(trial);
+}
+
+bool MechanicalProblem::has_clip_noise() const {
+  return std::any_of(trials_.begin(), trials_.end(),
+                     [&](const auto& trial) { return has_clip_noise(*trial); });
+}
+
+/// Of a frame's compared components: one a row, 3 fixtures columns.
+MatX MechanicalProblem::compared_directions(const MechanicalTrial& trial, int frame) const {
+  const auto columns = 3 * static_cast<Eigen::Index>(trial.capture.fixtures.size());
+  MatX directions = MatX::Zero(columns, columns);
+  Eigen::Index count = 0;
+  for_each_force(trial, frame, [&](std::size_t fixture, const Vec3& direction, double) {
+    directions.row(count++).segment<3>(3 * static_cast<Eigen::Index>(fixture)) = direction;
+  });
+  return directions.topRows(count);
+}
+
+ForceWeights MechanicalProblem::weights_of(const MechanicalFrames& frames) const {
+  ForceWeights weights(trials_.size());
+  for (std::size_t t = 0; t < trials_.size(); ++t) {
+    const MechanicalTrial& trial = *trials_[t];
+    for (const MechanicalFrame& frame : frames[t])
+      weights[t].push_back(has_clip_noise(trial)
+                               ? force_weight(frame.pose_derivative,
+                                              trial.capture.clips(frame.frame),
+                                              compared_directions(trial, frame.frame),
+                                              trial.capture.clip_noise, options_.force_noise)
+                               : MatX());
+  }
+  return weights;
+}
+
+/// The first `count` rows, which are those of the forces.
+void MechanicalProblem::weigh(std::size_t trial, int frame, Eigen::Index count,
+                              Residuals& r) const {
+  if (weights_.empty() || weights_[trial][at(frame)].size() == 0) return;
+  const auto weight = weights_[trial][at(frame)].triangularView<Eigen::Lower>();
+  r.values.head(count) = weight * VecX(r.values.head(count));
+  r.ways.head(count) = weight * VecX(r.ways.head(count));
+  if (r.jacobian.rows() > 0) r.jacobian.topRows(count) = weight * MatX(r.jacobian.topRows(count));
+}
+
 void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
                                   MechanicalDerivatives derivatives, Residuals& r) const {
   const MechanicalTrial& trial = *trials_[t];
@@ -246,7 +292,10 @@ void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
   r.ways.setZero(most);
   r.jacobian.resize(slopes ? most : 0, parameters);
   Eigen::Index count = 0;
-  if (uses_forces(trial)) add_force_residuals(t, frame, derivatives, count, r);
+  if (uses_forces(trial)) {
+    add_force_residuals(t, frame, derivatives, count, r);
+    weigh(t, frame.frame, count, r);
+  }
   if (uses_points(trial)) {
     const Points& measured = trial.geometry->frames[at(frame.frame)];
     for (Eigen::Index i = 0; i < measured.cols(); ++i) {
@@ -385,7 +434,49 @@ MechanicalProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index 
   return l;
 }
 
+VecX to_numbers(const ForceWeights& weights) {
+  NumberWriter writer;
+  writer.add(0.0);  // finite: there are weights
+  for (const std::vector<MatX>& trial : weights)
+    for (const MatX& weight : trial) {
+      writer.add(static_cast<double>(weight.rows()));
+      writer.add(weight);
+    }
+  return writer.numbers();
+}
+
+ForceWeights weights_from_numbers(
+    const VecX& numbers, const std::vector<std::shared_ptr<const MechanicalTrial>>& trials) {
+  if (!std::isfinite(numbers[0])) return {};
+  NumberReader reader(numbers);
+  reader.number();
+  ForceWeights weights;
+  for (const auto& trial : trials) {
+    std::vector<MatX>& frames = weights.emplace_back();
+    for (int frame = 0; frame < trial->capture.frame_count; ++frame) {
+      const auto rows = static_cast<Eigen::Index>(reader.number());
+      frames.push_back(reader.matrix(rows, rows));
+    }
+  }
+  return weights;
+}
+
 }  // namespace
+
+ForceWeights MechanicalProblem::force_weights(const VecX& scaled, MechanicalShapes* near) const {
+  if (!has_clip_noise()) return {};
+  const VecX numbers = ask(
+      Question::weights, scaled, near, [&](const MechanicalFrames* from, MechanicalFrames& found) {
+        const std::string why = simulate(scaled, MechanicalDerivatives::poses, from, found);
+        return why.empty() ? to_numbers(weights_of(found)) : refusal(why);
+      });
+  return weights_from_numbers(numbers, trials_);
+}
+
+void MechanicalProblem::weigh_by(ForceWeights weights) {
+  weights_ = std::move(weights);
+  if (store_) fingerprint_ = fingerprint();
+}
 
 double MechanicalProblem::cost(const VecX& scaled, std::string* reason,
                                MechanicalShapes* near) const {
@@ -466,6 +557,8 @@ std::string MechanicalProblem::fingerprint() const {
     hash.add(friction.trial);
     for (const Points& ways : friction.ways) hash.add(ways);
   }
+  for (const std::vector<MatX>& trial : weights_)
+    for (const MatX& weight : trial) hash.add(weight);
   return hash.hex();
 }
 
@@ -595,88 +688,159 @@ std::string fit_fingerprint(const MechanicalProblem& problem, const Fabric& star
   return hash.hex();
 }
 
+namespace {
+
+double seconds_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+/// Searches one after the other, each with the weights of where the one before ended.
+class FitSearch {
+ public:
+  FitSearch(const MechanicalProblem& problem, const MechanicalFitOptions& options,
+            const MechanicalFitObserver& observer)
+      : problem_(problem), options_(options), observer_(observer) {}
+
+  MechanicalFitResult run(const Fabric& start) {
+    const auto begin = std::chrono::steady_clock::now();
+    const VecX from = problem_.scaled(start);
+    result_.start = problem_.fabric(from);
+    if (problem_.weights().empty()) weigh(from);
+    std::string reason;
+    result_.cost_start = problem_.cost(from, &reason, &shapes_);
+    if (!std::isfinite(result_.cost_start))
+      throw MechanicalStartError(fmt::format("the start cannot be computed: {}", reason));
+    finish(search_all(from));
+    result_.wall_s = seconds_since(begin);
+    return std::move(result_);
+  }
+
+ private:
+  /// False where there are no weights to be had.
+  bool weigh(const VecX& x) {
+    ForceWeights weights = problem_.force_weights(x, &shapes_);
+    if (weights.empty()) return false;
+    problem_.weigh_by(std::move(weights));
+    return true;
+  }
+
+  LeastSquaresResult search_all(const VecX& from) {
+    LeastSquaresResult found = search(from, result_.cost_start);
+    result_.cost_first = found.cost;
+    for (int searches = 1; searches < kMostSearches && !stopped_; ++searches) {
+      const ForceWeights held = problem_.weights();
+      if (!weigh(found.x)) break;
+      const double before = problem_.cost(found.x, nullptr, &shapes_);
+      if (!std::isfinite(before)) {
+        problem_.weigh_by(held);
+        break;
+      }
+      found = search(found.x, before);
+      if ((before - found.cost) * static_cast<double>(problem_.residual_count()) < kEnoughByWeights)
+        break;
+    }
+    return found;
+  }
+
+  /// With the weights that the problem has now; the cost at `from` is `cost_there`.
+  LeastSquaresResult search(const VecX& from, double cost_there) {
+    best_ = kInfinity;
+    VecX tried_at;
+    MechanicalShapes tried;  // equilibria of the last cost
+    const LinearizeFunction linearize = [&](const VecX& x) {
+      if (tried_at.size() > 0 && tried_at == x) shapes_ = tried;
+      QuadraticModel model;
+      count([&] {
+        model = problem_.linearize(x, &shapes_).model;
+        return model.cost;
+      });
+      tried_at.resize(0);
+      return model;
+    };
+    const CostFunction cost = [&](const VecX& x) {
+      tried = shapes_;
+      tried_at = x;
+      double value = 0;
+      count([&] { return value = problem_.cost(x, nullptr, &tried); });
+      return value;
+    };
+    double reached = cost_there;
+    int small_steps = 0;
+    const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
+      if (!step.accepted) return !stopped_;
+      const double reduction =
+          (reached - step.cost) * static_cast<double>(problem_.residual_count());
+      reached = step.cost;
+      small_steps = reduction < kEnoughReduction ? small_steps + 1 : 0;
+      return !stopped_ && small_steps < kEnoughSteps;
+    };
+    const VecX zero = VecX::Zero(from.size()), one = VecX::Ones(from.size());
+    return minimize_least_squares(linearize, cost, from, zero, one, options_.least_squares,
+                                  after_step);
+  }
+
+  /// Of each evaluation its cost, and whether it was taken from the store.
+  template <typename Evaluate>
+  void count(const Evaluate& evaluate) {
+    const Replays replays(problem_);
+    const double cost = evaluate();
+    best_ = std::min(best_, cost);
+    const MechanicalFitStep step{++result_.evaluations, cost, best_, replays.since() > 0};
+    result_.replayed += replays.since();
+    result_.history.push_back(step);
+    if (observer_ && !observer_(step)) stopped_ = true;
+  }
+
+  void finish(const LeastSquaresResult& found) {
+    result_.fabric = problem_.fabric(found.x);
+    result_.cost = found.cost;
+    result_.end = found.end == LeastSquaresEnd::stopped && !stopped_
+                      ? LeastSquaresEnd::small_reduction
+                      : found.end;
+    const Replays replays(problem_);
+    const MechanicalProblem::Linearization at_end = problem_.linearize(found.x);
+    ++result_.evaluations;
+    result_.replayed += replays.since();
+    result_.inexact = at_end.inexact;
+    result_.weights = problem_.weights();
+    add_intervals(problem_, found.x, at_end, options_, result_);
+  }
+
+  MechanicalProblem problem_;
+  const MechanicalFitOptions& options_;
+  const MechanicalFitObserver& observer_;
+  MechanicalShapes shapes_;  ///< of the last linearization
+  MechanicalFitResult result_;
+  double best_ = kInfinity;
+  bool stopped_ = false;
+};
+
+}  // namespace
+
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options,
                                    const MechanicalFitObserver& observer) {
-  const auto begin = std::chrono::steady_clock::now();
-  MechanicalFitResult result;
-  const VecX from = problem.scaled(start);
-  result.start = problem.fabric(from);
-  std::string reason;
-  bool stopped = false;
-  // Of each evaluation its cost, and whether it was taken from the store.
-  const auto count = [&](const auto& evaluate) {
-    const Replays replays(problem);
-    const double cost = evaluate();
-    MechanicalFitStep step{++result.evaluations, cost, cost, replays.since() > 0};
-    result.replayed += replays.since();
-    if (!result.history.empty()) step.best = std::min(step.best, result.history.back().best);
-    result.history.push_back(step);
-    if (observer && !observer(step)) stopped = true;
-  };
-  MechanicalShapes shapes, tried;  // equilibria of the last linearization, and of the last cost
-  VecX tried_at;
-  const LinearizeFunction linearize = [&](const VecX& x) {
-    if (tried_at.size() > 0 && tried_at == x) shapes = tried;
-    QuadraticModel model;
-    count([&] {
-      model = problem.linearize(x, &shapes).model;
-      return model.cost;
-    });
-    tried_at.resize(0);
-    return model;
-  };
-  const CostFunction cost = [&](const VecX& x) {
-    tried = shapes;
-    tried_at = x;
-    double value = 0;
-    count([&] { return value = problem.cost(x, nullptr, &tried); });
-    return value;
-  };
-  result.cost_start = problem.cost(from, &reason, &shapes);
-  if (!std::isfinite(result.cost_start))
-    throw MechanicalStartError(fmt::format("the start cannot be computed: {}", reason));
-  const VecX zero = VecX::Zero(from.size()), one = VecX::Ones(from.size());
-  double reached = result.cost_start;
-  int small_steps = 0;
-  const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
-    if (!step.accepted) return !stopped;
-    const double reduction = (reached - step.cost) * static_cast<double>(problem.residual_count());
-    reached = step.cost;
-    small_steps = reduction < kEnoughReduction ? small_steps + 1 : 0;
-    return !stopped && small_steps < kEnoughSteps;
-  };
-  const LeastSquaresResult found =
-      minimize_least_squares(linearize, cost, from, zero, one, options.least_squares, after_step);
-  result.fabric = problem.fabric(found.x);
-  result.cost = found.cost;
-  result.end = found.end == LeastSquaresEnd::stopped && !stopped ? LeastSquaresEnd::small_reduction
-                                                                 : found.end;
-  const Replays at_end_replays(problem);
-  const MechanicalProblem::Linearization at_end = problem.linearize(found.x);
-  ++result.evaluations;
-  result.replayed += at_end_replays.since();
-  result.inexact = at_end.inexact;
-  add_intervals(problem, found.x, at_end, options, result);
-  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  return result;
+  return FitSearch(problem, options, observer).run(start);
 }
 
 MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,
                                       const MechanicalFitOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
   MechanicalFitResult result;
+  MechanicalProblem weighed = problem;
   const VecX x = problem.scaled(fabric);
   result.start = result.fabric = problem.fabric(x);
+  if (weighed.weights().empty()) weighed.weigh_by(weighed.force_weights(x));
   const Replays replays(problem);
-  const MechanicalProblem::Linearization found = problem.linearize(x);
+  const MechanicalProblem::Linearization found = weighed.linearize(x);
   result.replayed = replays.since();
-  result.cost_start = result.cost = found.model.cost;
+  result.cost_start = result.cost_first = result.cost = found.model.cost;
   result.evaluations = 1;
   result.end = LeastSquaresEnd::small_step;
   result.inexact = found.inexact;
-  add_intervals(problem, x, found, options, result);
-  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  result.weights = weighed.weights();
+  add_intervals(weighed, x, found, options, result);
+  result.wall_s = seconds_since(begin);
   return result;
 }
 

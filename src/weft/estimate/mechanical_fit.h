@@ -10,6 +10,7 @@
 
 #include "weft/base/error.h"
 #include "weft/estimate/cord_friction.h"
+#include "weft/estimate/force_weights.h"
 #include "weft/estimate/least_squares.h"
 #include "weft/estimate/linearize_trial.h"
 #include "weft/estimate/mechanical_store.h"
@@ -77,6 +78,10 @@ class MechanicalShapes {
 /// Sum over frames of squared differences, each divided by its noise; the cost is its mean over the
 /// compared numbers (1 for a model that lacks nothing and noise as stated).
 ///
+/// Where captures state a noise of their clips, differences of forces are weighed with it
+/// (force_weights.h) once weigh_by() has said how: as at one fabric, whatever fabric is asked for
+/// then. Weights that followed the fabric would make the cost smaller the stiffer it is.
+///
 /// Friction of the cords is one number f >= 0 for each of some captures, beside the fabric's
 /// parameters. Its differences are linear in it, r + f w with the ways w of cord_friction.h over
 /// the noise, so that it is never searched: for any fabric it has its best value, f = max(0, -r^T w
@@ -102,6 +107,16 @@ class MechanicalProblem {
   MechanicalProblem refined() const;
   VecX scaled(const Fabric& fabric) const;
   Fabric fabric(const VecX& scaled) const;
+
+  /// Whether a capture of which forces are compared states a noise of its clips.
+  bool has_clip_noise() const;
+  /// Those of the fabric at `scaled`; none without such a capture, and where a frame has no
+  /// equilibrium. `near` as of cost().
+  ForceWeights force_weights(const VecX& scaled, MechanicalShapes* near = nullptr) const;
+  /// As force_weights() of this problem, or of one with the same trials and compared components,
+  /// returns them.
+  void weigh_by(ForceWeights weights);
+  const ForceWeights& weights() const { return weights_; }
 
   /// Infinity where a frame has no equilibrium or the model refuses the values; `reason` then says
   /// which. `near`: equilibria to start from, where there are any; those that were found, after.
@@ -129,13 +144,16 @@ class MechanicalProblem {
   std::size_t replayed() const { return store_ ? store_->replayed() : 0; }
 
  private:
-  enum class Question { cost, linearization };
+  enum class Question { cost, linearization, weights };
   /// The numbers of the answer, the cost first; `found` stays empty where that is infinite. `from`
   /// is null where there is nothing to start from.
   using Answer = std::function<VecX(const MechanicalFrames* from, MechanicalFrames& found)>;
   VecX ask(Question question, const VecX& scaled, MechanicalShapes* near,
            const Answer& answer) const;
   std::string key(Question question, const VecX& scaled, const MechanicalShapes* near) const;
+  bool has_clip_noise(const MechanicalTrial& trial) const;
+  MatX compared_directions(const MechanicalTrial& trial, int frame) const;
+  ForceWeights weights_of(const MechanicalFrames& frames) const;
   double cost_of(const MechanicalFrames& frames) const;
   Linearization linearization_of(const MechanicalFrames& frames, const VecX& scaled) const;
   /// Differences of a frame.
@@ -163,6 +181,7 @@ class MechanicalProblem {
   void add_force_residuals(std::size_t trial, const MechanicalFrame& frame,
                            MechanicalDerivatives derivatives, Eigen::Index& count,
                            Residuals& r) const;
+  void weigh(std::size_t trial, int frame, Eigen::Index count, Residuals& r) const;
   bool uses_points(const MechanicalTrial& trial) const;
   /// From `from` where it is there, and from the measured shapes where that fails. The reason why
   /// there is no equilibrium, with no frames; empty where there is.
@@ -179,6 +198,7 @@ class MechanicalProblem {
   int threads_ = 0;
   std::size_t residual_count_ = 0;
   std::vector<Friction> friction_;
+  ForceWeights weights_;
   std::shared_ptr<MechanicalStore> store_;
   std::string fingerprint_;  ///< with a store
 };
@@ -196,8 +216,8 @@ struct MechanicalFitOptions {
 
 struct MechanicalFitStep {
   std::size_t evaluation = 0;  ///< from 1; the first is the start
-  double cost = 0, best = 0;
-  bool replayed = false;  ///< taken from the store
+  double cost = 0, best = 0;   ///< best: of those with the same weights
+  bool replayed = false;       ///< taken from the store
 };
 
 struct CordFrictionEstimate {
@@ -208,7 +228,10 @@ struct CordFrictionEstimate {
 
 struct MechanicalFitResult {
   Fabric start, fabric;
-  double cost_start = 0, cost = 0;
+  double cost_start = 0, cost = 0;  ///< each with the weights of then
+  /// Where the weights of the beginning led, with these; the cost without a noise of clips.
+  double cost_first = 0;
+  ForceWeights weights;         ///< of the end
   std::size_t evaluations = 0;  ///< of all frames, with or without derivatives
   std::size_t replayed = 0;     ///< of these, taken from the store
   std::vector<MechanicalFitStep> history;
@@ -241,11 +264,16 @@ class MechanicalStartError : public Error {
 /// steps in a row have lowered the sum of squares by less than 0.01 (a parameter one standard
 /// deviation off costs 1), or as the options say. Throws MechanicalStartError if the start cannot
 /// be computed.
+///
+/// With a noise of clips: a search with the weights that the problem has, or those of the start;
+/// then more of them, each with the weights of where the one before ended, until one lowers the sum
+/// of squares by less than 0.1, eight at most. Where no weights can be had the search ends.
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options = {},
                                    const MechanicalFitObserver& observer = {});
 
-/// No search: cost and intervals at `fabric`, as if a fit had ended there.
+/// No search: cost and intervals at `fabric`, as if a fit had ended there; weighed as the problem
+/// is, or as at `fabric`.
 MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,
                                       const MechanicalFitOptions& options = {});
 

@@ -47,7 +47,8 @@ std::span<const RigTest> rig_fit_tests();  ///< the first five
 struct RigNoise {
   double points = 75e-6;  ///< m, standard deviation of a coordinate of a measured point; >= 0
   /// m, of a coordinate of a clip's position, and of the shift of the ends of a bar that its
-  /// rotation makes; a clip is located by some dozens of points of its codes, 36 here. >= 0
+  /// rotation makes; a clip is located by some dozens of points of its codes, 36 here. >= 0, at
+  /// most 0.01. Captures state it.
   double clips = 75e-6 / 6;
   double forces = 3e-3;  ///< N, of a component; >= 0
   /// N, width of the loop that friction of the cords puts between loading and unloading; >= 0. A

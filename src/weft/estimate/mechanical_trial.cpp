@@ -224,6 +224,8 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame, const Fa
     result.force_derivative = std::move(s.forces);
     result.inexact = s.inexact;
   }
+  if (derivatives == MechanicalDerivatives::poses)
+    result.pose_derivative = clip_pose_sensitivities(cloth, clips, found.x);
   if (remembers) history.values = model->next_history(found.x);
   result.x = std::move(found.x);
   return result;

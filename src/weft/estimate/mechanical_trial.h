@@ -61,10 +61,12 @@ struct MechanicalFrame {
   Points points;          ///< at the measured points, m; no columns without a measured shape
   MatX point_derivative;  ///< 3 points x parameters; empty if not asked for
   MatX force_derivative;  ///< 3 fixtures x parameters; empty if not asked for
+  MatX pose_derivative;   ///< of clip_pose_sensitivities(); empty if not asked for
   bool inexact = false;   ///< derivatives of a matrix that had to be made positive definite
 };
 
-enum class MechanicalDerivatives { none, all };
+/// All: by the parameters. Poses: of the forces, by the poses of the clips.
+enum class MechanicalDerivatives { none, all, poses };
 
 /// Of each trial all frames.
 using MechanicalFrames = std::vector<std::vector<MechanicalFrame>>;
