@@ -49,14 +49,8 @@ double quantile(std::vector<double> values, double share) {
 }
 
 Points read_start(const fs::path& path, const GridTemplate& grid) {
-  ObjMesh obj = read_obj(path);
-  if (!obj.texture) throw Error(path.string() + ": no vt");
-  TriangleMesh mesh{std::move(*obj.texture), std::move(obj.triangles)};
-  for (int t = 0; t < mesh.triangle_count(); ++t) {
-    auto& triangle = mesh.triangles[static_cast<std::size_t>(t)];
-    if (material_area(mesh, t) < 0) std::swap(triangle[1], triangle[2]);
-  }
-  return interpolate(mesh, MaterialLocator(mesh), obj.positions, grid.mesh.material);
+  const MaterialSurface start = read_material_surface(path);
+  return interpolate(start.mesh, MaterialLocator(start.mesh), start.x, grid.mesh.material);
 }
 
 // --- true surfaces ---

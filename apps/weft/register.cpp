@@ -65,17 +65,8 @@ GridTemplate read_template(const Arguments& arguments) {
 
 /// The shape in an OBJ whose vt are (u, v) in m, at the vertices of the grid.
 Points read_start(const std::string& path, const GridTemplate& grid) {
-  ObjMesh obj = read_obj(path);
-  if (!obj.texture) {
-    throw error_at({path, 0, "vt"}, "each vertex needs one vt: its (u, v) in m");
-  }
-  TriangleMesh mesh{std::move(*obj.texture), std::move(obj.triangles)};
-  for (int t = 0; t < mesh.triangle_count(); ++t) {
-    auto& triangle = mesh.triangles[static_cast<std::size_t>(t)];
-    if (material_area(mesh, t) < 0) std::swap(triangle[1], triangle[2]);
-  }
-  validate(mesh, path);
-  return interpolate(mesh, MaterialLocator(mesh), obj.positions, grid.mesh.material);
+  const MaterialSurface start = read_material_surface(path);
+  return interpolate(start.mesh, MaterialLocator(start.mesh), start.x, grid.mesh.material);
 }
 
 std::vector<RegistrationStart> first_starts(const Arguments& arguments, const GridTemplate& grid,

@@ -11,6 +11,13 @@ inline Points flat_positions(const TriangleMesh& mesh) {
   x.topRows<2>() = mesh.material;
   return x;
 }
+/// The sheet scaled in its plane by `scale`, with `noise` (m) in each coordinate.
+inline VecX crumpled(const TriangleMesh& mesh, double scale, double noise, Rng& rng) {
+  VecX x = VecX::Zero(3 * mesh.vertex_count());
+  for (int i = 0; i < mesh.vertex_count(); ++i) x.segment<2>(3 * i) = scale * mesh.material.col(i);
+  for (auto& value : x) value += noise * rng.normal();
+  return x;
+}
 inline Points random_points(Rng& rng, int count, double scale) {
   Points p(3, count);
   for (auto& value : p.reshaped()) value = scale * rng.normal();

@@ -15,6 +15,7 @@
 namespace weft {
 namespace {
 
+using testing::crumpled;
 using testing::Energy;
 using testing::near;
 using testing::points;
@@ -56,14 +57,6 @@ ClothModel model_of(const Fabric& fabric, const TriangleMesh& mesh = small_mesh(
   return {mesh, fabric, 0.2, Vec3::Zero()};
 }
 
-/// Flat, scaled in the plane and crumpled: some diagonals taut, some slack.
-VecX state(const TriangleMesh& mesh, double scale, double noise, Rng& rng) {
-  VecX x = VecX::Zero(3 * mesh.vertex_count());
-  for (int i = 0; i < mesh.vertex_count(); ++i) x.segment<2>(3 * i) = scale * mesh.material.col(i);
-  for (auto& value : x) value += noise * kSize * rng.normal();
-  return x;
-}
-
 TEST(Diagonals, Battery) {
   Rng rng(4);
   for (const TriangleMesh& mesh : {small_mesh(GridPattern::alternating),
@@ -71,10 +64,10 @@ TEST(Diagonals, Battery) {
     for (const Fabric& fabric : {test_fabric(), diagonals_alone()}) {
       const ClothModel model = model_of(fabric, mesh);
       VecX history;
-      model.strains(points(state(mesh, 1.1, 0.1, rng)), history);
+      model.strains(points(crumpled(mesh, 1.1, 0.1 * kSize, rng)), history);
       history *= 200;
       for (const double scale : {0.6, 1.0, 1.3}) {
-        const VecX x = state(mesh, scale, 0.15, rng);
+        const VecX x = crumpled(mesh, scale, 0.15 * kSize, rng);
         testing::expect_rigid_invariance(potential_of(model, {}), x);
         for (const DampingRate& damping : {DampingRate{}, DampingRate{200, &history}}) {
           const Energy energy = potential_of(model, damping);
@@ -167,7 +160,7 @@ TEST(Diagonals, WithoutStiffnessTheModelIsTheOneWithoutThem) {
   without.values = with.values.head<9>();
   const ClothModel a = model_of(with), b = model_of(without);
   Rng rng(8);
-  const VecX x = state(a.mesh(), 1.1, 0.2, rng);
+  const VecX x = crumpled(a.mesh(), 1.1, 0.2 * kSize, rng);
   const Energy with_energy = potential_of(a, {}), energy = potential_of(b, {});
   EXPECT_EQ(with_energy.value(x), energy.value(x));
   EXPECT_TRUE(near(with_energy.gradient(x), energy.gradient(x), 1e-15));
@@ -182,7 +175,7 @@ TEST(Diagonals, DampingForceIsThatOfThePotential) {
   const double rate = 1e7;
   const ClothModel model = model_of(diagonals_alone());
   Rng rng(9);
-  const VecX x = state(model.mesh(), 1.05, 0.2, rng);
+  const VecX x = crumpled(model.mesh(), 1.05, 0.2 * kSize, rng);
   VecX v(x.size());
   for (auto& value : v) value = rng.normal();
   VecX history;
@@ -203,7 +196,7 @@ TEST(Diagonals, DampingForceIsThatOfThePotential) {
 TEST(Diagonals, LinearMapsForSensitivities) {
   const ClothModel model = model_of(test_fabric());
   Rng rng(5);
-  const VecX x = state(model.mesh(), 1.05, 0.15, rng);
+  const VecX x = crumpled(model.mesh(), 1.05, 0.15 * kSize, rng);
   StrainJacobian jacobian;
   model.strain_jacobian(points(x), jacobian);
   Directions directions(x.size(), kDirections);
@@ -232,8 +225,8 @@ TEST(Diagonals, ForceDerivativeByItsParameters) {
   Fabric fabric = test_fabric();
   Rng rng(6);
   const ClothModel model = model_of(fabric);
-  const Points x = points(state(model.mesh(), 1.05, 0.15, rng));
-  const Points v = points(state(model.mesh(), 10, 5, rng));
+  const Points x = points(crumpled(model.mesh(), 1.05, 0.15 * kSize, rng));
+  const Points v = points(crumpled(model.mesh(), 10, 5 * kSize, rng));
   for (const int parameter : {0, 9, 10}) {
     Points analytic, ahead, behind;
     model.force_derivative(x, v, parameter, analytic);

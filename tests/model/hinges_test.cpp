@@ -14,6 +14,7 @@
 namespace weft {
 namespace {
 
+using testing::crumpled;
 using testing::Energy;
 using testing::points;
 using testing::potential_of;
@@ -48,13 +49,6 @@ ClothModel model_of(const Fabric& fabric, const TriangleMesh& mesh) {
   return {mesh, fabric, 0.2, Vec3::Zero()};
 }
 
-VecX state(const TriangleMesh& mesh, double scale, double noise, Rng& rng) {
-  VecX x = VecX::Zero(3 * mesh.vertex_count());
-  for (int i = 0; i < mesh.vertex_count(); ++i) x.segment<2>(3 * i) = scale * mesh.material.col(i);
-  for (auto& value : x) value += noise * kSize * rng.normal();
-  return x;
-}
-
 /// Heights of a surface over the flat sheet.
 template <class Height>
 Points raised(const TriangleMesh& mesh, const Height& height) {
@@ -76,10 +70,10 @@ TEST(Hinges, Battery) {
       model.potential_gradient(flat, {}, gradient);
       EXPECT_LT(gradient.cwiseAbs().maxCoeff(), 1e-14);
       VecX history;
-      model.strains(points(state(mesh, 1.1, 0.1, rng)), history);
+      model.strains(points(crumpled(mesh, 1.1, 0.1 * kSize, rng)), history);
       history *= 200;
       for (const double scale : {0.6, 1.0, 1.3}) {
-        const VecX x = state(mesh, scale, 0.15, rng);
+        const VecX x = crumpled(mesh, scale, 0.15 * kSize, rng);
         testing::expect_rigid_invariance(potential_of(model, {}), x);
         for (const DampingRate& damping : {DampingRate{}, DampingRate{200, &history}}) {
           const Energy energy = potential_of(model, damping);

@@ -19,10 +19,10 @@ namespace {
 
 constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
 constexpr Range kGrainAngle{-360, 360};  // degrees
-constexpr Range kClipNoise{0, 0.01};     // m
-constexpr double kOnSwatch = 1e-6;       // m
-constexpr double kSamePoint = 1e-9;      // m
-constexpr double kUnitLength = 1e-3;     // of a quaternion
+constexpr Range kClipNoise{0, most_clip_noise};
+constexpr double kOnSwatch = 1e-6;    // m
+constexpr double kSamePoint = 1e-9;   // m
+constexpr double kUnitLength = 1e-3;  // of a quaternion
 /// Clips further apart than this many times their distance on the undeformed swatch are a mistake,
 /// of the unit as a rule.
 constexpr double kMaxClipStretch = 3;
@@ -221,9 +221,7 @@ class MechanicalReader {
 
   const TableFile& table_file(const TomlTable& table, std::string_view key) {
     const std::filesystem::path path = folder_ / table.string(key);
-    if (!std::filesystem::is_regular_file(path)) {
-      throw error_at(table.where(key), fmt::format("no such file: {}", path.string()));
-    }
+    check_file_exists(path, table.where(key));
     return tables_.try_emplace(path, path).first->second;
   }
 
@@ -267,10 +265,8 @@ class MechanicalReader {
     files.points = folder_ / geometry->string("points");
     geometry->finish();
     for (const auto& [key, path] :
-         {std::pair{"rest_mesh", files.rest_mesh}, std::pair{"points", files.points}}) {
-      if (!std::filesystem::is_regular_file(path))
-        throw error_at(geometry->where(key), fmt::format("no such file: {}", path.string()));
-    }
+         {std::pair{"rest_mesh", files.rest_mesh}, std::pair{"points", files.points}})
+      check_file_exists(path, geometry->where(key));
     capture_.geometry = files;
   }
 
@@ -428,17 +424,8 @@ MeasuredGeometry read_geometry(const MechanicalCapture& capture) {
   if (!capture.geometry) throw Error(fmt::format("capture \"{}\" has no [geometry]", capture.name));
   if (capture.geometry->points == capture.geometry->rest_mesh) return profile_geometry(capture);
   const std::filesystem::path& mesh_path = capture.geometry->rest_mesh;
-  ObjMesh obj = read_obj(mesh_path);
-  if (!obj.texture) {
-    throw error_at({mesh_path, 0, "vt"}, "each vertex needs one vt: its (u, v) in m");
-  }
   MeasuredGeometry geometry;
-  geometry.mesh = {std::move(*obj.texture), std::move(obj.triangles)};
-  for (int t = 0; t < geometry.mesh.triangle_count(); ++t) {
-    auto& triangle = geometry.mesh.triangles[static_cast<std::size_t>(t)];
-    if (material_area(geometry.mesh, t) < 0) std::swap(triangle[1], triangle[2]);
-  }
-  validate(geometry.mesh, mesh_path.string());
+  geometry.mesh = read_material_surface(mesh_path).mesh;
   const std::filesystem::path& path = capture.geometry->points;
   geometry.frames = read_pc2(path).frames;
   if (geometry.frames.front().cols() != geometry.mesh.vertex_count()) {

@@ -35,6 +35,8 @@ struct GeometryFiles {
   std::filesystem::path points;     ///< PC2, one sample a frame
 };
 
+inline constexpr double most_clip_noise = 0.01;  ///< m, that a capture may state
+
 /// A capture folder, format version 1, kind "mechanical" (docs/formats.md): cloth at rest between
 /// rigid clips, frame by frame, with the clips' poses and forces and, where measured, the shape.
 struct MechanicalCapture {

@@ -34,18 +34,6 @@ TomlTable parse_capture(const std::filesystem::path& folder) {
   return TomlTable::parse_file(folder / "capture.toml");
 }
 
-/// A mesh from an OBJ whose vt are (u, v); programs with v upwards wind faces the other way round.
-TriangleMesh mesh_of(ObjMesh& obj, const std::filesystem::path& path) {
-  if (!obj.texture) throw error_at({path, 0, "vt"}, "each vertex needs one vt: its (u, v) in m");
-  TriangleMesh mesh{std::move(*obj.texture), std::move(obj.triangles)};
-  for (int t = 0; t < mesh.triangle_count(); ++t) {
-    auto& triangle = mesh.triangles[static_cast<std::size_t>(t)];
-    if (material_area(mesh, t) < 0) std::swap(triangle[1], triangle[2]);
-  }
-  validate(mesh, path.string());
-  return mesh;
-}
-
 class ScanReader {
  public:
   explicit ScanReader(const std::filesystem::path& folder)
@@ -102,8 +90,7 @@ class ScanReader {
   std::filesystem::path file_named(const TomlTable& table, std::string_view key) const {
     if (!table.has(key)) return {};
     std::filesystem::path path = folder_ / table.string(key);
-    if (!std::filesystem::is_regular_file(path))
-      throw error_at(table.where(key), fmt::format("no such file: {}", path.string()));
+    check_file_exists(path, table.where(key));
     return path;
   }
 
@@ -206,8 +193,7 @@ class ScanReader {
   MaterialRectangle region_of_vertices(const TomlTable& table, const ScanTarget& target) const {
     if (target.grid.empty())
       throw error_at(table.where("vertices"), "of a `grid`, which this target does not have");
-    ObjMesh obj = read_obj(target.grid);
-    const TriangleMesh mesh = mesh_of(obj, target.grid);
+    const TriangleMesh mesh = read_material_surface(target.grid).mesh;
     const std::size_t count = table.array_size("vertices", 1, kMostVertices);
     const std::vector<int> vertices = table.integers("vertices", count, 0, mesh.vertex_count() - 1);
     const std::set<int> listed(vertices.begin(), vertices.end());
@@ -338,10 +324,10 @@ ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target) 
   if (target.grid.empty())
     throw Error(fmt::format("{}: target \"{}\" is a raw scan without a registered grid",
                             capture.folder.string(), target.name));
-  ObjMesh obj = read_obj(target.grid);
+  MaterialSurface grid = read_material_surface(target.grid);
   ScanShape shape;
-  shape.x = std::move(obj.positions);
-  shape.mesh = mesh_of(obj, target.grid);
+  shape.x = std::move(grid.x);
+  shape.mesh = std::move(grid.mesh);
   check_on_swatch(capture, shape.mesh, target.grid);
   const int vertices = shape.mesh.vertex_count();
   if (!target.points.empty()) shape.x = read_frame(target, vertices);

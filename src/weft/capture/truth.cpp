@@ -5,7 +5,6 @@
 
 #include "weft/base/error.h"
 #include "weft/capture/capture.h"
-#include "weft/capture/material_surface.h"
 #include "weft/mesh/mesh_io.h"
 
 namespace weft {

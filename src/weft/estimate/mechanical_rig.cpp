@@ -22,7 +22,6 @@ constexpr double kTension = 1.2;        // of the shear test, of its largest she
 constexpr int kTensionFrames = 2;       // from rest to that tension
 constexpr double kLargestResidual = 1e-5;  // N, as of a fit
 constexpr double kLeastWay = 1e-9;         // m, of a clip that counts as moving
-constexpr double kMostClipNoise = 0.01;    // m, that a capture can state
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -62,7 +61,7 @@ void check(const RigOptions& o) {
   require(o.point_lines >= 2 && o.point_lines <= 400, "point lines", o.point_lines, "in [2, 400]");
   for (const double noise : {o.noise.points, o.noise.clips, o.noise.forces, o.noise.cord_friction})
     require(noise >= 0 && std::isfinite(noise), "noise", noise, "0 or more");
-  require(o.noise.clips <= kMostClipNoise, "noise of clips", o.noise.clips, "0.01 m or less");
+  require(o.noise.clips <= most_clip_noise, "noise of clips", o.noise.clips, "0.01 m or less");
 }
 
 /// Stiffness of the fabric along its threads and in shear, whatever its model calls them.

@@ -19,6 +19,15 @@ struct ObjMesh {
 };
 ObjMesh read_obj(const std::filesystem::path& path);
 
+/// A surface whose points are known on the fabric.
+struct MaterialSurface {
+  TriangleMesh mesh;
+  Points x;  ///< m
+};
+/// From an OBJ whose `vt` are (u, v) in m, one for each vertex; faces may be wound either way
+/// round.
+MaterialSurface read_material_surface(const std::filesystem::path& path);
+
 /// Writes v, vt (the material coordinates in m) and f, with `comment` as a first line.
 void write_obj(const std::filesystem::path& path, const TriangleMesh& mesh, const Points& x,
                const std::string& comment = {});
