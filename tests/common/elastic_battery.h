@@ -18,6 +18,15 @@ inline VecX crumpled(const TriangleMesh& mesh, double scale, double noise, Rng& 
   for (auto& value : x) value += noise * rng.normal();
   return x;
 }
+/// Three triangles about a vertex: each has the third corner of the other two as the apex across
+/// two of its edges.
+inline TriangleMesh three_triangles(double size) {
+  TriangleMesh mesh;
+  mesh.material.resize(2, 4);
+  mesh.material << 0, size, 0.4 * size, 0.5 * size, 0, 0.1 * size, size, 0.4 * size;
+  mesh.triangles = {{0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+  return mesh;
+}
 inline Points random_points(Rng& rng, int count, double scale) {
   Points p(3, count);
   for (auto& value : p.reshaped()) value = scale * rng.normal();

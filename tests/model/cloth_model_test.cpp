@@ -100,6 +100,13 @@ TEST(ClothModel, DerivativesOfTheElasticPotential) {
   }
 }
 
+TEST(ClothModel, DerivativesWhereAnElementHasAVertexTwice) {
+  const TriangleMesh mesh = testing::three_triangles(kSize);
+  const ClothModel model(mesh, test_fabric(), 0.2, kNoGravity);
+  const Energy energy = potential_of(model, {});
+  for (const Points& x : states(mesh)) testing::expect_hessian(energy, vector(x), 1e-3 * kSize);
+}
+
 TEST(ClothModel, DerivativesOfTheDampingPotential) {
   const TriangleMesh mesh = small_mesh();
   const ClothModel model(mesh, test_fabric(), 0.2, kNoGravity);

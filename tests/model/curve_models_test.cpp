@@ -58,6 +58,11 @@ TEST(CurveModels, BatteryWithConstants) {
     testing::expect_elastic_model(make_swatch(3 * kSize, 2 * kSize, 4, 3), constants(model), kSize);
 }
 
+TEST(CurveModels, BatteryWhereAnElementHasAVertexTwice) {
+  for (const std::string& model : kContinua)
+    testing::expect_elastic_model(testing::three_triangles(kSize), constants(model), kSize);
+}
+
 TEST(CurveModels, BatteryWithCurves) {
   for (const std::string& model : {kContinua[0], kContinua[1], std::string("springs")})
     testing::expect_elastic_model(make_swatch(3 * kSize, 2 * kSize, 4, 3, GridPattern::uniform),

@@ -182,6 +182,27 @@ Points start_of(const MechanicalTrial& trial, int frame, const MechanicalFrame* 
   return interpolate(old.mesh, MaterialLocator(old.mesh), before->x, material) + moved;
 }
 
+/// The cloth of a stage.
+struct StageModel {
+  std::unique_ptr<ElasticModel> model;
+  VecX first_history;  ///< of friction, before the first frame
+};
+
+/// Of the stages of each trial.
+std::vector<std::vector<StageModel>> stage_models(
+    const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
+    int threads) {
+  std::vector<std::vector<StageModel>> models(trials.size());
+  parallel_for(trials.size(), threads, [&](std::size_t t) {
+    for (const MechanicalStage& stage : trials[t]->stages) {
+      auto model = make_elastic_model(stage.mesh, fabric, trials[t]->capture.grain_angle);
+      VecX history = model->history();
+      models[t].push_back({std::move(model), std::move(history)});
+    }
+  });
+  return models;
+}
+
 /// What internal friction remembers of the frame before.
 struct History {
   int stage = -1;  ///< whose mesh it is of; -1: none yet
@@ -189,15 +210,17 @@ struct History {
   MatX derivative;  ///< empty without derivatives
 };
 
-/// `history` is that of the frame before, then of this one.
-MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame, const Fabric& fabric,
+/// `models` are the trial's; with internal friction they are this thread's alone. `history` is that
+/// of the frame before, then of this one.
+MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
+                               const std::vector<StageModel>& models,
                                MechanicalDerivatives derivatives, Points start, History& history) {
   const int stage_index = trial.stage_of_frame[at(frame)];
   const MechanicalStage& stage = trial.stages[at(stage_index)];
   const MechanicalCapture& capture = trial.capture;
-  const auto model = make_elastic_model(stage.mesh, fabric, capture.grain_angle);
+  const auto& [model, first_history] = models[at(stage_index)];
   const bool remembers = model->history_size() > 0;
-  if (history.stage != stage_index) history = {stage_index, model->history(), {}};
+  if (history.stage != stage_index) history = {stage_index, first_history, {}};
   if (remembers) model->set_history(history.values);
   const HeavyCloth cloth(*model, capture.areal_density, capture.gravity);
   const std::vector<Clip> clips = capture.clips(frame);
@@ -343,11 +366,10 @@ MechanicalFrames simulate_mechanical(
     MechanicalDerivatives derivatives, int threads, const MechanicalFrames* near) {
   MechanicalFrames results;
   for (const auto& trial : trials) results.emplace_back(at(trial->capture.frame_count));
-  const auto remembers = [&](const auto& trial) {
-    return make_elastic_model(trial->stages.front().mesh, fabric)->history_size() > 0;
-  };
-  const Memory memory =
-      !trials.empty() && remembers(trials.front()) ? Memory::friction : Memory::none;
+  const std::vector<std::vector<StageModel>> models = stage_models(trials, fabric, threads);
+  const Memory memory = !trials.empty() && models.front().front().first_history.size() > 0
+                            ? Memory::friction
+                            : Memory::none;
   const std::vector<Chain> chains = chains_of(trials, near, memory);
   parallel_for(chains.size(), threads, [&](std::size_t i) {
     const MechanicalFrame* before = nullptr;
@@ -356,7 +378,7 @@ MechanicalFrames simulate_mechanical(
       const std::size_t t = chains[i].trial;
       MechanicalFrame& result = results[t][at(frame)];
       Points start = near ? (*near)[t][at(frame)].x : start_of(*trials[t], frame, before);
-      result = simulate_frame(*trials[t], frame, fabric, derivatives, std::move(start), history);
+      result = simulate_frame(*trials[t], frame, models[t], derivatives, std::move(start), history);
       before = &result;
     }
   });

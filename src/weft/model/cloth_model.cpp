@@ -4,56 +4,26 @@
 
 #include <cassert>
 #include <cmath>
-#include <cstring>
 #include <optional>
 #include <type_traits>
 
 #include "weft/base/error.h"
 #include "weft/model/drag.h"
 #include "weft/model/elements.h"
+#include "weft/model/lane_blocks.h"
 #include "weft/model/membrane.h"
 
 namespace weft {
 namespace {
 
+using detail::BlockWriter;
 using detail::DampedStiffness;
 using detail::DiagonalGroup;
 using detail::DragLaw;
+using detail::gather;
+using detail::scatter_add;
 using detail::StencilGroup;
 using detail::TriangleGroup;
-using LaneIndices = std::array<int, kLanes>;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-Vector3<Lanes> gather(const double* points, const LaneIndices& vertices) {
-  Vector3<Lanes> out;
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const double* p = points + 3 * vertices[at(lane)];
-    out.x[lane] = p[0];
-    out.y[lane] = p[1];
-    out.z[lane] = p[2];
-  }
-  return out;
-}
-
-void scatter_add(const Vector3<Lanes>& a, const LaneIndices& vertices, double* points) {
-  alignas(64) double buffer[3][kLanes];
-  std::memcpy(buffer, &a, sizeof buffer);
-  for (int lane = 0; lane < kLanes; ++lane) {
-    double* p = points + 3 * vertices[at(lane)];
-    p[0] += buffer[0][lane];
-    p[1] += buffer[1][lane];
-    p[2] += buffer[2][lane];
-  }
-}
-
-/// For all vertices of a group. (What is added is a vector of its own on purpose: GCC 12 drops the
-/// stores of a loop that scatters what it computes.)
-template <std::size_t kVertices>
-void scatter_add(const std::array<Vector3<Lanes>, kVertices>& a,
-                 const std::array<LaneIndices, kVertices>& vertices, double* points) {
-  for (std::size_t i = 0; i < kVertices; ++i) scatter_add(a[i], vertices[i], points);
-}
 
 /// Entries first, first + stride, ... of a vector into the lanes that are in use; zero elsewhere,
 /// and everywhere if there is no vector.
@@ -67,56 +37,6 @@ Lanes load(const VecX* values, int first, int stride, int count) {
 void store(const Lanes& lanes, int first, int stride, int count, VecX& values) {
   for (int lane = 0; lane < count; ++lane) values[first + lane * stride] = lanes[lane];
 }
-
-/// Adds 3 x 3 blocks of kLanes elements to the values of the Hessian.
-class BlockWriter {
- public:
-  BlockWriter(SparseMatrix& hessian, const std::vector<detail::ColumnLayout>& columns)
-      : values_(hessian.valuePtr()), columns_(columns.data()) {}
-
-  /// A diagonal block.
-  void add(const SymmetricMatrix3<Lanes>& block, const LaneIndices& vertices) {
-    alignas(64) double m[6][kLanes];
-    std::memcpy(m, &block, sizeof m);
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      const detail::ColumnLayout column = columns_[vertices[lane]];
-      double* c0 = values_ + column.start;
-      double* c1 = c0 + column.length;
-      c0[0] += m[0][lane];
-      c0[1] += m[1][lane];
-      c0[2] += m[3][lane];
-      c1[0] += m[2][lane];
-      c1[1] += m[4][lane];
-      c1[column.length - 1] += m[5][lane];
-    }
-  }
-
-  /// An off-diagonal block with rows of `row_vertices` and columns of `column_vertices`, or
-  /// transposed where its slot says so.
-  void add(const Matrix3<Lanes>& block, const LaneIndices& slots, const LaneIndices& row_vertices,
-           const LaneIndices& column_vertices) {
-    alignas(64) double m[9][kLanes];
-    std::memcpy(m, &block, sizeof m);
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      const bool transposed = slots[lane] < 0;
-      const int slot = transposed ? ~slots[lane] : slots[lane];
-      const int length = columns_[transposed ? row_vertices[lane] : column_vertices[lane]].length;
-      const std::size_t row = transposed ? 1 : 3, column = transposed ? 3 : 1;
-      double* c0 = values_ + slot;
-      double* c1 = c0 + length - 1;
-      double* c2 = c1 + length - 2;
-      for (std::size_t r = 0; r < 3; ++r) {
-        c0[r] += m[r * row][lane];
-        c1[r] += m[r * row + column][lane];
-        c2[r] += m[r * row + 2 * column][lane];
-      }
-    }
-  }
-
- private:
-  double* values_;
-  const detail::ColumnLayout* columns_;
-};
 
 /// Of the values of a fabric.
 enum Index {
@@ -517,7 +437,7 @@ void ClothModel::Impl::add_bending_gradient(const Coefficients& k, const Points&
 void ClothModel::Impl::add_triangles(const Coefficients& k, const Points& x,
                                      const DampingRate& damping, HessianKind kind, Points& gradient,
                                      SparseMatrix& hessian) const {
-  BlockWriter writer(hessian, elements.columns);
+  BlockWriter writer(hessian.valuePtr(), elements.columns);
   for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
     const TriangleGroup& group = elements.triangles[i];
     const auto c = strains_of(group, x);
@@ -536,7 +456,7 @@ void ClothModel::Impl::add_triangles(const Coefficients& k, const Points& x,
 void ClothModel::Impl::add_diagonals(const Coefficients& k, const Points& x,
                                      const DampingRate& damping, HessianKind kind, Points& gradient,
                                      SparseMatrix& hessian) const {
-  BlockWriter writer(hessian, elements.columns);
+  BlockWriter writer(hessian.valuePtr(), elements.columns);
   const double stiffness = k.diagonal.total();
   for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
     const DiagonalGroup& group = elements.diagonals[i];
@@ -563,7 +483,7 @@ void ClothModel::Impl::add_diagonals(const Coefficients& k, const Points& x,
 void ClothModel::Impl::add_bending(const Coefficients& k, const Points& x,
                                    const DampingRate& damping, HessianKind kind, Points& gradient,
                                    SparseMatrix& hessian) const {
-  BlockWriter writer(hessian, elements.columns);
+  BlockWriter writer(hessian.valuePtr(), elements.columns);
   for_each_bending([&]<class Stencil>(const StencilGroup<Stencil>& group, std::size_t i) {
     const auto curvature = curvature_of(group, x);
     const auto moment = moments(k, group, curvature, damping, i);
@@ -738,7 +658,7 @@ void ClothModel::add_drag_damping(const Points& x, const Points& v, double facto
                                   SparseMatrix& hessian) const {
   assert(hessian.nonZeros() == impl_->elements.pattern.nonZeros());
   const DragLaw& law = impl_->coefficients.drag;
-  BlockWriter writer(hessian, impl_->elements.columns);
+  BlockWriter writer(hessian.valuePtr(), impl_->elements.columns);
   for (const TriangleGroup& group : impl_->elements.triangles) {
     const TrianglePositions p = positions(group, x);
     const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);

@@ -97,6 +97,15 @@ std::vector<Group> groups(int count, const Place& place_one) {
 
 }  // namespace
 
+std::vector<BendingGroup> bending_groups(const std::vector<BendingElement>& elements,
+                                         const BlockPattern& pattern) {
+  return groups<BendingGroup>(
+      static_cast<int>(elements.size()), [&](int t, int lane, BendingGroup& group) {
+        const BendingElement& element = elements[at(t)];
+        place(element, {element.area, element.area, element.area}, pattern, lane, group);
+      });
+}
+
 Elements make_elements(const TriangleMesh& mesh, ElementKinds kinds, const Hem& hem) {
   Elements elements;
   std::vector<BendingElement> bending;

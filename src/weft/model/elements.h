@@ -1,5 +1,5 @@
 #pragma once
-/// The elements of a ClothModel in groups of kLanes, and the pattern of the Hessian with the place
+/// The elements of a model in groups of kLanes, and the pattern of the Hessian with the place
 /// of each element's blocks in it.
 #include <array>
 #include <vector>
@@ -65,6 +65,10 @@ struct ElementKinds {
   Diagonals diagonals;
   Bends bends;
 };
+/// Of a sheet without hem, in a pattern that has them.
+std::vector<BendingGroup> bending_groups(const std::vector<BendingElement>& elements,
+                                         const BlockPattern& pattern);
+
 /// Throws Error for hinges on a mesh that is no grid.
 Elements make_elements(const TriangleMesh& mesh, ElementKinds kinds, const Hem& hem);
 

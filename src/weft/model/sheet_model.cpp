@@ -12,11 +12,12 @@
 namespace weft::detail {
 namespace {
 
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
 using Mat2 = Eigen::Matrix2d;
 using Mat63 = Eigen::Matrix<double, 6, 3>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 using Mat9 = Eigen::Matrix<double, 9, 9>;
-using Mat18 = Eigen::Matrix<double, 18, 18>;
 using Mat18x3 = Eigen::Matrix<double, 18, 3>;
 
 /// (w_u, w_v) of a triangle.
@@ -115,8 +116,19 @@ std::array<Vector3<double>, 6> positions(const std::array<int, 6>& vertices, con
   return out;
 }
 
+std::array<Vector3<Lanes>, 6> positions(const BendingGroup& group, const Points& x) {
+  std::array<Vector3<Lanes>, 6> out;
+  for (std::size_t i = 0; i < 6; ++i) out[i] = gather(x.data(), group.vertices[i]);
+  return out;
+}
+
 Vec3 vector(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
 std::array<double, 3> array(const Vec3& a) { return {a[0], a[1], a[2]}; }
+
+Vec3 of_lane(const std::array<Lanes, 3>& a, std::size_t lane) {
+  const auto i = static_cast<int>(lane);
+  return {a[0][i], a[1][i], a[2][i]};
+}
 
 /// The gradients of the three curvature components, by vertices.
 Mat18x3 curvature_jacobian(const CurvatureMap<double>& map, const TriangleCurvature<double>& c) {
@@ -132,42 +144,19 @@ Mat18x3 curvature_jacobian(const CurvatureMap<double>& map, const TriangleCurvat
   return out;
 }
 
-/// The terms of the second derivatives of the angles, `moment` by curvature component.
-void add_second_derivatives(const CurvatureMap<double>& map, const TriangleCurvature<double>& c,
-                            const Vec3& moment, Mat18& h) {
-  CurvatureHessian<double> blocks{};
-  add_curvature_hessian(map, c, array(moment), blocks);
-  for (std::size_t i = 0; i < 6; ++i) {
+/// Adds the lower blocks of a triangle's Hessian to the matrix.
+void add_blocks(const BlockPattern& pattern, const std::array<int, 3>& vertices,
+                const std::array<int, 3>& slots, const Mat9& h, double* values) {
+  for (std::size_t i = 0; i < 3; ++i) {
     const auto row = static_cast<Eigen::Index>(3 * i);
-    h.block<3, 3>(row, row) += to_eigen(blocks.diagonal[i].full());
-    for (std::size_t j = 0; j < i; ++j) {
-      const auto column = static_cast<Eigen::Index>(3 * j);
-      h.block<3, 3>(row, column) += to_eigen(blocks.lower[blocks.index(i, j)]);
-    }
+    pattern.add_diagonal(values, vertices[i], h.block<3, 3>(row, row));
   }
-}
-
-/// Adds the lower blocks of `h` to the matrix.
-template <std::size_t kVertices, std::size_t kSlots, class Matrix>
-void add_blocks(const BlockPattern& pattern, const std::array<int, kVertices>& vertices,
-                const std::array<int, kSlots>& slots, const Matrix& h, double* values) {
-  for (std::size_t i = 0; i < kVertices; ++i) {
-    const auto row = static_cast<Eigen::Index>(3 * i);
-    pattern.add_diagonal(values, vertices[i], h.template block<3, 3>(row, row));
-  }
-  for (std::size_t k = 0; k < kSlots; ++k) {
+  for (std::size_t k = 0; k < 3; ++k) {
     const auto [i, j] = kPairs[k];
     pattern.add_off_diagonal(
         values, vertices[i], vertices[j], slots[k],
-        h.template block<3, 3>(static_cast<Eigen::Index>(3 * i), static_cast<Eigen::Index>(3 * j)));
+        h.block<3, 3>(static_cast<Eigen::Index>(3 * i), static_cast<Eigen::Index>(3 * j)));
   }
-}
-
-template <std::size_t kVertices, std::size_t kSlots>
-void find_slots(const BlockPattern& pattern, const std::array<int, kVertices>& vertices,
-                std::array<int, kSlots>& slots) {
-  for (std::size_t k = 0; k < kSlots; ++k)
-    slots[k] = pattern.slot(vertices[kPairs[k][0]], vertices[kPairs[k][1]]);
 }
 
 /// `stiffness` against the rim's angles, inverted on the span of their directions; `rim` projects
@@ -227,15 +216,15 @@ SheetModel::SheetModel(const TriangleMesh& mesh, const Fabric& fabric, double gr
     const auto& v = triangle.vertices;
     triangle.shape = triangle_shape(turned.material.col(v[0]), turned.material.col(v[1]),
                                     turned.material.col(v[2]));
-    find_slots(pattern_, triangle.vertices, triangle.slots);
+    for (std::size_t k = 0; k < 3; ++k)
+      triangle.slots[k] = pattern_.slot(v[kPairs[k][0]], v[kPairs[k][1]]);
     triangles_.push_back(triangle);
   }
   for (const BendingElement& bend : bends) {
-    Plate plate{
-        bend.vertices, {}, bend.map, bend.area, !bend.rim.empty(), span_projection(bend.rim)};
-    find_slots(pattern_, plate.vertices, plate.slots);
-    plates_.push_back(plate);
+    plates_.push_back(
+        {bend.vertices, bend.map, bend.area, !bend.rim.empty(), span_projection(bend.rim)});
   }
+  plate_groups_ = bending_groups(bends, pattern_);
   for (int i = 0; i < kComponents; ++i)
     if (has_friction(fabric, i)) rubbing_.push_back(i);
   if (!rubbing_.empty())
@@ -326,11 +315,54 @@ double SheetModel::energy(const Points& x) const {
   double sum = 0;
   for (std::size_t t = 0; t < triangles_.size(); ++t)
     sum += triangles_[t].shape.area * membrane(t, membrane_strain(t, x)).energy;
-  for (std::size_t t = 0; t < plates_.size(); ++t) {
-    const auto c = triangle_curvature(plates_[t].map, positions(plates_[t].vertices, x));
-    sum += plates_[t].area * bend(t, vector(c.value)).response.energy;
-  }
+  for_each_group([&](const BendingGroup& group, std::size_t first) {
+    const auto c = stencil_curvature(group.map, positions(group, x));
+    const auto bent = bend(group, first, c);
+    for (std::size_t lane = 0; lane < at(group.count); ++lane)
+      sum += plates_[first + lane].area * bent[lane].response.energy;
+  });
   return sum;
+}
+
+template <class Visit>
+void SheetModel::for_each_group(const Visit& visit) const {
+  for (std::size_t i = 0; i < plate_groups_.size(); ++i) visit(plate_groups_[i], i * kLanes);
+}
+
+std::array<SheetModel::Bent, kLanes> SheetModel::bend(
+    const BendingGroup& group, std::size_t first, const TriangleCurvature<Lanes>& curvature) const {
+  std::array<Bent, kLanes> out;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    // What fills the group is like its last plate, and has no area.
+    const std::size_t used = std::min(lane, at(group.count) - 1);
+    out[lane] = used == lane ? bend(first + lane, of_lane(curvature.value, lane)) : out[used];
+  }
+  return out;
+}
+
+std::array<Lanes, 3> SheetModel::moments(const BendingGroup& group,
+                                         const std::array<Bent, kLanes>& bent) {
+  std::array<Lanes, 3> out;
+  for (std::size_t k = 0; k < 3; ++k) {
+    for (int lane = 0; lane < kLanes; ++lane)
+      out[k][lane] = bent[at(lane)].response.stress[static_cast<Eigen::Index>(k)];
+    out[k] *= group.areas[k];
+  }
+  return out;
+}
+
+SymmetricMatrix3<Lanes> SheetModel::stiffnesses(const BendingGroup& group,
+                                                const std::array<Bent, kLanes>& bent,
+                                                HessianKind kind) {
+  SymmetricMatrix3<Lanes> out;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const Mat3& exact = bent[at(lane)].response.stiffness;
+    const Mat3 k = kind == HessianKind::exact ? exact : positive_part(exact);
+    std::size_t entry = 0;
+    for (int row = 0; row < 3; ++row)
+      for (int column = 0; column <= row; ++column) out.m[entry++][lane] = k(row, column);
+  }
+  return group.areas[0] * out;
 }
 
 void SheetModel::gradient(const Points& x, Points& gradient) const {
@@ -339,10 +371,11 @@ void SheetModel::gradient(const Points& x, Points& gradient) const {
     const Mat32 w = deformation(triangles_[t].shape, triangles_[t].vertices, x);
     add_gradient(triangles_[t], w * stress_matrix(membrane(t, green_strain(w)).stress), gradient);
   }
-  for (std::size_t t = 0; t < plates_.size(); ++t) {
-    const auto c = triangle_curvature(plates_[t].map, positions(plates_[t].vertices, x));
-    add_gradient(plates_[t], c, bend(t, vector(c.value)).response.stress, gradient);
-  }
+  for_each_group([&](const BendingGroup& group, std::size_t first) {
+    const auto c = stencil_curvature(group.map, positions(group, x));
+    const auto moment = moments(group, bend(group, first, c));
+    scatter_add(curvature_gradient(group.map, c, moment), group.vertices, gradient.data());
+  });
 }
 
 void SheetModel::hessian(const Points& x, HessianKind kind, Points& gradient,
@@ -351,8 +384,10 @@ void SheetModel::hessian(const Points& x, HessianKind kind, Points& gradient,
   gradient.setZero(3, mesh_.vertex_count());
   for (std::size_t t = 0; t < triangles_.size(); ++t)
     add_membrane(t, x, kind, gradient, hessian.valuePtr());
-  for (std::size_t t = 0; t < plates_.size(); ++t)
-    add_bending(t, x, kind, gradient, hessian.valuePtr());
+  BlockWriter writer(hessian.valuePtr(), pattern_.columns());
+  for_each_group([&](const BendingGroup& group, std::size_t first) {
+    add_bending(group, first, x, kind, gradient, writer);
+  });
 }
 
 void SheetModel::add_gradient(const Triangle& t, const Mat32& by_deformation,
@@ -363,12 +398,6 @@ void SheetModel::add_gradient(const Triangle& t, const Mat32& by_deformation,
   gradient.col(t.vertices[0]) -= g1 + g2;
   gradient.col(t.vertices[1]) += g1;
   gradient.col(t.vertices[2]) += g2;
-}
-
-void SheetModel::add_gradient(const Plate& plate, const TriangleCurvature<double>& curvature,
-                              const Vec3& moment, Points& gradient) const {
-  const auto g = curvature_gradient(plate.map, curvature, array(plate.area * moment));
-  for (std::size_t i = 0; i < 6; ++i) gradient.col(plate.vertices[i]) += to_eigen(g[i]);
 }
 
 void SheetModel::add_membrane(std::size_t index, const Points& x, HessianKind kind,
@@ -388,19 +417,18 @@ void SheetModel::add_membrane(std::size_t index, const Points& x, HessianKind ki
   add_blocks(pattern_, t.vertices, t.slots, blocks, values);
 }
 
-void SheetModel::add_bending(std::size_t t, const Points& x, HessianKind kind, Points& gradient,
-                             double* values) const {
-  const Plate& plate = plates_[t];
-  const auto c = triangle_curvature(plate.map, positions(plate.vertices, x));
-  const Bent bent = bend(t, vector(c.value));
-  const SheetResponse& r = bent.response;
-  add_gradient(plate, c, r.stress, gradient);
-  const Mat18x3 jacobian = curvature_jacobian(plate.map, c);
-  const Mat3 stiffness =
-      plate.area * (kind == HessianKind::exact ? r.stiffness : positive_part(r.stiffness));
-  Mat18 h = (jacobian * stiffness).lazyProduct(jacobian.transpose());
-  if (kind == HessianKind::exact) add_second_derivatives(plate.map, c, plate.area * r.stress, h);
-  add_blocks(pattern_, plate.vertices, plate.slots, h, values);
+void SheetModel::add_bending(const BendingGroup& group, std::size_t first, const Points& x,
+                             HessianKind kind, Points& gradient, BlockWriter& writer) const {
+  const auto c = stencil_curvature(group.map, positions(group, x));
+  const auto bent = bend(group, first, c);
+  const auto moment = moments(group, bent);
+  scatter_add(curvature_gradient(group.map, c, moment), group.vertices, gradient.data());
+  auto h = curvature_gauss_newton(group.map, c, stiffnesses(group, bent, kind));
+  if (kind == HessianKind::exact) add_curvature_hessian(group.map, c, moment, h);
+  for (std::size_t v = 0; v < 6; ++v) writer.add(h.diagonal[v], group.vertices[v]);
+  for (std::size_t b = 0; b < kPairs.size(); ++b)
+    writer.add(h.lower[b], group.slots[b], group.vertices[kPairs[b][0]],
+               group.vertices[kPairs[b][1]]);
 }
 
 void SheetModel::parameter_derivative(const Points& x, MatX& derivative) const {

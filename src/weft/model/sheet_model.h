@@ -5,7 +5,9 @@
 #include "weft/model/bending.h"
 #include "weft/model/block_pattern.h"
 #include "weft/model/elastic_model.h"
+#include "weft/model/elements.h"
 #include "weft/model/friction.h"
+#include "weft/model/lane_blocks.h"
 #include "weft/model/sheet_law.h"
 #include "weft/strain/triangle_shape.h"
 
@@ -69,7 +71,6 @@ class SheetModel final : public ElasticModel {
   };
   struct Plate {
     std::array<int, 6> vertices;
-    std::array<int, 15> slots;
     CurvatureMap<double> map;
     double area;
     bool on_rim;
@@ -101,12 +102,22 @@ class SheetModel final : public ElasticModel {
                   Eigen::Ref<VecX> column) const;
   /// `by_deformation`: derivative of the energy density by (w_u, w_v).
   void add_gradient(const Triangle& triangle, const Mat32& by_deformation, Points& gradient) const;
-  void add_gradient(const Plate& plate, const TriangleCurvature<double>& curvature,
-                    const Vec3& moment, Points& gradient) const;
   void add_membrane(std::size_t t, const Points& x, HessianKind kind, Points& gradient,
                     double* values) const;
-  void add_bending(std::size_t p, const Points& x, HessianKind kind, Points& gradient,
-                   double* values) const;
+  /// The responses of a group's plates at its curvatures; `first`: the first of them.
+  std::array<Bent, kLanes> bend(const BendingGroup& group, std::size_t first,
+                                const TriangleCurvature<Lanes>& curvature) const;
+  /// Of a group's energy by its curvatures: derivatives, and second ones.
+  static std::array<Lanes, 3> moments(const BendingGroup& group,
+                                      const std::array<Bent, kLanes>& bent);
+  static SymmetricMatrix3<Lanes> stiffnesses(const BendingGroup& group,
+                                             const std::array<Bent, kLanes>& bent,
+                                             HessianKind kind);
+  void add_bending(const BendingGroup& group, std::size_t first, const Points& x, HessianKind kind,
+                   Points& gradient, BlockWriter& writer) const;
+  /// Calls `visit` with each group of plates and the number of its first plate.
+  template <class Visit>
+  void for_each_group(const Visit& visit) const;
 
   TriangleMesh mesh_;
   Fabric fabric_;
@@ -114,6 +125,7 @@ class SheetModel final : public ElasticModel {
   BlockPattern pattern_;
   std::vector<Triangle> triangles_;
   std::vector<Plate> plates_;
+  std::vector<BendingGroup> plate_groups_;  ///< the same, kLanes at a time
 
   static constexpr int kComponents = 6;
   static constexpr Eigen::Index kHistory = 6;  ///< of an element: three strains, three stresses

@@ -131,12 +131,27 @@ struct CurvatureHessian {
   }
 };
 
-/// The sum over the components of rank_one[k] gradient gradient^T, rank_one >= 0. Positive
-/// semi-definite.
-template <class T, class Stencil>
+namespace detail {
+/// Of a diagonal stiffness.
+template <class T>
+inline std::array<Vector3<T>, 3> stiffness_times(const std::array<T, 3>& k, const Vector3<T>& a,
+                                                 const Vector3<T>& b, const Vector3<T>& c) {
+  return {k[0] * a, k[1] * b, k[2] * c};
+}
+template <class T>
+inline std::array<Vector3<T>, 3> stiffness_times(const SymmetricMatrix3<T>& k, const Vector3<T>& a,
+                                                 const Vector3<T>& b, const Vector3<T>& c) {
+  return {k.m[0] * a + k.m[1] * b + k.m[3] * c, k.m[1] * a + k.m[2] * b + k.m[4] * c,
+          k.m[3] * a + k.m[4] * b + k.m[5] * c};
+}
+}  // namespace detail
+
+/// The sum over the components k, l of stiffness_kl gradient_k gradient_l^T. Positive semi-definite
+/// where the stiffness is: its entries for (k, l), or its diagonal alone.
+template <class T, class Stencil, class Stiffness>
 inline CurvatureHessian<T> curvature_gauss_newton(const CurvatureMap<T, Stencil>& map,
                                                   const StencilCurvature<T, Stencil>& curvature,
-                                                  const std::array<T, 3>& rank_one) {
+                                                  const Stiffness& stiffness) {
   std::array<std::array<Vector3<T>, 4>, Stencil::hinges> g;
   for (std::size_t j = 0; j < Stencil::hinges; ++j) g[j] = curvature.angles[j].gradient();
   std::array<std::array<Vector3<T>, 6>, 3> a{};
@@ -147,17 +162,18 @@ inline CurvatureHessian<T> curvature_gauss_newton(const CurvatureMap<T, Stencil>
     }
   CurvatureHessian<T> out;
   for (std::size_t row = 0; row < 6; ++row) {
-    const Vector3<T> s0 = rank_one[0] * a[0][row], s1 = rank_one[1] * a[1][row],
-                     s2 = rank_one[2] * a[2][row];
+    const std::array<Vector3<T>, 3> s =
+        detail::stiffness_times(stiffness, a[0][row], a[1][row], a[2][row]);
     for (std::size_t column = 0; column < row; ++column) {
-      const Matrix3<T> o0 = outer(s0, a[0][column]), o1 = outer(s1, a[1][column]),
-                       o2 = outer(s2, a[2][column]);
+      const Matrix3<T> o0 = outer(s[0], a[0][column]), o1 = outer(s[1], a[1][column]),
+                       o2 = outer(s[2], a[2][column]);
       Matrix3<T>& to = out.lower[out.index(row, column)];
       for (std::size_t i = 0; i < 9; ++i) to.m[i] = o0.m[i] + o1.m[i] + o2.m[i];
     }
     const T half = broadcast<T>(0.5);
-    out.diagonal[row] = half * (symmetric_outer(s0, a[0][row]) + symmetric_outer(s1, a[1][row]) +
-                                symmetric_outer(s2, a[2][row]));
+    out.diagonal[row] =
+        half * (symmetric_outer(s[0], a[0][row]) + symmetric_outer(s[1], a[1][row]) +
+                symmetric_outer(s[2], a[2][row]));
   }
   return out;
 }
