@@ -47,14 +47,13 @@ class HeavyCloth : public StaticPotential {
   HeavyCloth(const ElasticModel& model, double areal_density, const Vec3& gravity);
 
   double value(const Points& x) const override;
+  void gradient(const Points& x, Points& gradient) const override;
   void hessian(const Points& x, HessianKind kind, Points& gradient,
                SparseMatrix& hessian) const override;
   const SparseMatrix& hessian_pattern() const override { return model_.hessian_pattern(); }
   const VecX& masses() const override { return masses_; }
   const TriangleMesh& mesh() const override { return model_.mesh(); }
   const ElasticModel& model() const { return model_; }
-  /// d value / d x. Overwrites.
-  void gradient(const Points& x, Points& gradient) const;
 
  private:
   const ElasticModel& model_;

@@ -24,6 +24,11 @@ std::string_view name_of(Integrator integrator);
 struct StaticOptions {
   double force_tolerance = 1e-7;  ///< N, largest net force on a free vertex at equilibrium; > 0
   int max_iterations = 500;
+  /// What the start is. From a stable equilibrium of nearly the same cloth Newton's method begins
+  /// without the regularization that is for other starts, and once a whole step by an exact Hessian
+  /// has done what was foreseen, that step's factor serves as long as it lowers the forces fivefold
+  /// at a time: stability is that of the factor's shape then.
+  enum class Start { any, near_equilibrium } start = Start::any;
 };
 
 struct StaticResult {

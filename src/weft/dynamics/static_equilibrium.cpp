@@ -21,12 +21,16 @@ constexpr double kSmallestFraction = 1e-3;
 constexpr double kRounding = 1e-14;    // of the potential
 constexpr int kLongestPause = 16;      // iterations before the exact Hessian is tried again
 constexpr double kFirstEscape = 1e-4;  // m, along a direction of negative curvature
+constexpr double kStillServes = 0.2;   // of the forces before, that a former factor may leave
 
 /// Elasticity and gravity of a model that also has damping and drag.
 class RestingCloth : public StaticPotential {
  public:
   explicit RestingCloth(const ClothModel& model) : model_(model) {}
   double value(const Points& x) const override { return model_.potential(x, {}); }
+  void gradient(const Points& x, Points& gradient) const override {
+    model_.potential_gradient(x, {}, gradient);
+  }
   void hessian(const Points& x, HessianKind kind, Points& gradient,
                SparseMatrix& hessian) const override {
     model_.potential_hessian(x, {}, kind, gradient, hessian);
@@ -57,6 +61,7 @@ class Equilibrium {
   bool factorize(HessianKind kind);
   bool factorize_for_direction();
   bool find_step();
+  bool finish_by_factor(StaticResult& result);
   bool is_stable();
   void escape();
 
@@ -69,7 +74,8 @@ class Equilibrium {
   Points x_, gradient_, direction_, trial_;
   double potential_ = 0;
   double regularization_ = kFirstRegularization;
-  bool exact_ = false;  // the factor at hand is of the exact Hessian
+  bool exact_ = false;         // the factor at hand is of the exact Hessian
+  bool as_predicted_ = false;  // the last step was whole, and lowered the potential as foreseen
   int pause_ = 1, until_exact_ = 1;
 };
 
@@ -127,16 +133,33 @@ bool Equilibrium::find_step() {
         kSufficientDecrease * fraction * slope + kRounding * std::abs(potential_);
     if (after - potential_ <= allowed) {
       // Half of the slope is what a quadratic function yields.
-      const bool as_predicted = fraction == 1 && after - potential_ <= 0.25 * slope + kRounding;
-      regularization_ *= as_predicted ? (exact_ ? 0.1 : 0.25) : (fraction == 1 ? 1 : 2);
+      as_predicted_ = fraction == 1 && after - potential_ <= 0.25 * slope + kRounding;
+      regularization_ *= as_predicted_ ? (exact_ ? 0.1 : 0.25) : (fraction == 1 ? 1 : 2);
       regularization_ = std::clamp(regularization_, kLeastRegularization, kMostRegularization);
       std::swap(x_, trial_);
       potential_ = after;
       return true;
     }
   }
+  as_predicted_ = false;
   regularization_ *= 16;
   return regularization_ < kMostRegularization;
+}
+
+/// More steps by the factor at hand, to convergence. False where it no longer serves.
+bool Equilibrium::finish_by_factor(StaticResult& result) {
+  for (double before = result.residual;; before = result.residual) {
+    model_.gradient(x_, gradient_);
+    const double after = largest_free_force();
+    if (!(after < kStillServes * before)) break;
+    result.residual = after;
+    if (after < options_.force_tolerance) return true;
+    direction_ = -gradient_;
+    cholesky_.solve(direction_);
+    x_ += direction_;
+  }
+  potential_ = model_.value(x_);
+  return false;
 }
 
 bool Equilibrium::is_stable() {
@@ -179,6 +202,8 @@ void Equilibrium::escape() {
 }
 
 StaticResult Equilibrium::solve(Points start) {
+  const bool near = options_.start == StaticOptions::Start::near_equilibrium;
+  if (near) regularization_ = kLeastRegularization;
   x_ = std::move(start);
   StaticResult result;
   potential_ = model_.value(x_);
@@ -195,6 +220,11 @@ StaticResult Equilibrium::solve(Points start) {
       continue;
     }
     if (!find_step()) break;
+    if (near && exact_ && as_predicted_ && finish_by_factor(result)) {
+      result.converged = true;
+      ++result.iterations;
+      break;
+    }
   }
   result.x = std::move(x_);
   return result;

@@ -12,8 +12,10 @@ class StaticPotential {
   virtual ~StaticPotential() = default;
   /// J.
   virtual double value(const Points& x) const = 0;
-  /// d value / d x, N (3 x vertices, overwritten), and the Hessian: lower triangle with diagonal,
-  /// added to `hessian` in the pattern of hessian_pattern().
+  /// d value / d x, N (3 x vertices, overwritten).
+  virtual void gradient(const Points& x, Points& gradient) const = 0;
+  /// The gradient (overwritten) and the Hessian: lower triangle with diagonal, added to `hessian`
+  /// in the pattern of hessian_pattern().
   virtual void hessian(const Points& x, HessianKind kind, Points& gradient,
                        SparseMatrix& hessian) const = 0;
   /// Lower triangle with explicit zeros, compressed, rows ascending; has all diagonal entries.

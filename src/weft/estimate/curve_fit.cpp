@@ -272,8 +272,14 @@ class CurveFitter {
 
   // Fits.
 
+  /// Equilibria of a group's tests, and of the same on cells of half the width.
+  struct Shapes {
+    explicit Shapes(const Group& group) : here(group.name), finer(group.name + "-finer") {}
+    MechanicalShapes here, finer;
+  };
+
   MechanicalFitResult fit(const Group& group, const Fabric& from, const std::string& name,
-                          const ForceWeights& weights) {
+                          const ForceWeights& weights, MechanicalShapes& near) {
     const MechanicalProblem p = problem(group, from, weights);
     const MechanicalFitObserver observer = [&](const MechanicalFitStep& step) {
       if (observer_ && !observer_(name, step)) stopped_ = true;
@@ -289,7 +295,7 @@ class CurveFitter {
           x[i] = std::clamp(to_scaled(p.info(i), factor * from_scaled(p.info(i), scaled[i])), 0.0,
                             1.0);
       try {
-        return fit_mechanical(p, p.fabric(x), options, observer);
+        return fit_mechanical(p, p.fabric(x), options, observer, &near);
       } catch (const MechanicalStartError&) {
         if (factor == kFactors.back()) throw;
       }
@@ -297,12 +303,13 @@ class CurveFitter {
     return {};
   }
 
-  /// A fit from `from`, noted as a stage. `weights` to begin with; none: those of `from`.
+  /// A fit from `from`, noted as a stage. `weights` to begin with; none: those of `from`. `near`:
+  /// equilibria to begin with, then those of the end.
   MechanicalFitResult stage(const Group& group, const Fabric& from, int pass, int points,
-                            const ForceWeights& weights = {}) {
+                            MechanicalShapes& near, const ForceWeights& weights = {}) {
     const std::string name =
         points > 1 ? fmt::format("{}, {} points", group.name, points) : group.name;
-    MechanicalFitResult found = fit(group, from, name, weights);
+    MechanicalFitResult found = fit(group, from, name, weights, near);
     result_.stages.push_back({.name = name,
                               .pass = pass,
                               .points = points,
@@ -324,13 +331,14 @@ class CurveFitter {
     int points = 1;
     for (const std::string& row : group.rows)
       points = std::max(points, may_be_curve(fabric_, row) ? fabric_.value_count(row) : 1);
-    const MechanicalFitResult found = stage(group, fabric_, pass, points);
+    Shapes shapes(group);
+    const MechanicalFitResult found = stage(group, fabric_, pass, points, shapes.here);
     if (options_.order == FitOrder::incremental && points == 1 && left_at_start(group, found)) {
       result_.stages.back().kept = false;
       return;
     }
     fabric_ = found.fabric;
-    if (options_.shape == CurveShape::subdivided && pass == 1) subdivide(group, found);
+    if (options_.shape == CurveShape::subdivided && pass == 1) subdivide(group, found, shapes);
   }
 
   /// What runs off to an end of its range follows something else, such as the error of the mesh;
@@ -378,14 +386,14 @@ class CurveFitter {
 
   /// One more control point each, as long as it pays: with the weights of the fit without it, for
   /// costs of different weights say nothing of each other.
-  void subdivide(const Group& group, MechanicalFitResult kept) {
+  void subdivide(const Group& group, MechanicalFitResult kept, Shapes& shapes) {
     for (int points = 2; points <= options_.most_points && !stopped_; ++points) {
       Fabric finer = fabric_;
-      if (!place_points(group, points, finer)) return;
-      MechanicalFitResult found = stage(group, finer, 1, points, kept.weights);
+      if (!place_points(group, points, shapes.here, finer)) return;
+      MechanicalFitResult found = stage(group, finer, 1, points, shapes.here, kept.weights);
       const std::size_t place = result_.stages.size() - 1;
-      result_.stages[place].kept =
-          pays(kept.cost, found.cost_first) && pays_on_finer_cells(group, place, kept, found);
+      result_.stages[place].kept = pays(kept.cost, found.cost_first) &&
+                                   pays_on_finer_cells(group, place, kept, found, shapes.finer);
       if (!result_.stages[place].kept) return;
       fabric_ = found.fabric;
       kept = std::move(found);
@@ -399,25 +407,25 @@ class CurveFitter {
   /// Of the stage at `place`, which ended at `found`, against the one before, at `kept`. Where it
   /// cannot be told the cells of the fit decide.
   bool pays_on_finer_cells(const Group& group, std::size_t place, const MechanicalFitResult& kept,
-                           const MechanicalFitResult& found) {
+                           const MechanicalFitResult& found, MechanicalShapes& near) {
     if (options_.fit.mesh_error == MeshError::left_out || stopped_) return true;
     double& before = result_.stages[place - 1].finer_cost;
     double& after = result_.stages[place].finer_cost;
     if (std::isnan(before) || !kept.weights.empty())
-      before = cost_on_finer_cells(group, kept.fabric, kept.weights);
+      before = cost_on_finer_cells(group, kept.fabric, kept.weights, near);
     if (std::isnan(before)) return true;
-    after = cost_on_finer_cells(group, found.fabric, kept.weights);
+    after = cost_on_finer_cells(group, found.fabric, kept.weights, near);
     return std::isnan(after) || pays(before, after);
   }
 
   /// The least that the rows of `group` reach there, to second order about `estimate`.
   double cost_on_finer_cells(const Group& group, const Fabric& estimate,
-                             const ForceWeights& weights) {
+                             const ForceWeights& weights, MechanicalShapes& near) {
     const double unknown = std::numeric_limits<double>::quiet_NaN();
     const MechanicalProblem here = problem(group, estimate, weights);
     const VecX scaled = here.scaled(estimate);
     const std::size_t before = here.replayed();
-    const auto finer = linearize_refined(here, scaled);
+    const auto finer = linearize_refined(here, scaled, nullptr, &near);
     if (!finer) return unknown;  // more cells than may be
     ++result_.fit.evaluations;
     result_.fit.replayed += here.replayed() - before;
@@ -426,11 +434,12 @@ class CurveFitter {
   }
 
   /// Equidistant over the strains that occur. False where no row of the group takes any.
-  bool place_points(const Group& group, int points, Fabric& fabric) const {
+  bool place_points(const Group& group, int points, const MechanicalShapes& shapes,
+                    Fabric& fabric) const {
     bool placed = false;
     for (const std::string& row : group.rows) {
       if (!may_be_curve(fabric, row)) continue;
-      const StrainRange range = occurring(group, row);
+      const StrainRange range = occurring(group, row, shapes);
       if (!(range.upper > range.lower)) continue;
       const VecX knots = VecX::LinSpaced(points, range.lower, range.upper);
       fabric.set_curve(row, fabric.curve(row).resampled(knots));
@@ -441,31 +450,38 @@ class CurveFitter {
     return placed;
   }
 
-  StrainRange occurring(const Group& group, const std::string& row) const {
-    Trials trials = trials_for(row);
-    if (trials.empty()) trials = group.trials;
-    if (!options_.store) return occurring(trials, row);
+  StrainRange occurring(const Group& group, const std::string& row,
+                        const MechanicalShapes& shapes) const {
+    if (!options_.store) return occurring_in(group, row, shapes);
     ContentHash hash;
-    for (const auto& trial : trials) add_trial(hash, *trial);
+    for (const auto& trial : group.trials) add_trial(hash, *trial);
     add_fabric(hash, fabric_);
     hash.add(std::string_view(row));
     hash.add(options_.symmetry);
     const std::string key = "strains-" + hash.hex();
     if (const auto known = options_.store->find(key)) return {(*known)[0], (*known)[1]};
-    const StrainRange range = occurring(trials, row);
+    const StrainRange range = occurring_in(group, row, shapes);
     options_.store->add(key, Vec2(range.lower, range.upper));
     return range;
   }
 
-  StrainRange occurring(const Trials& trials, const std::string& row) const {
-    const auto frames =
-        simulate_mechanical(trials, fabric_, MechanicalDerivatives::none, options_.threads);
+  /// In the tests of the group that isolate the row, or in all of them where none does.
+  StrainRange occurring_in(const Group& group, const std::string& row,
+                           const MechanicalShapes& shapes) const {
+    auto frames = problem(group, fabric_).frames(shapes);
+    if (!frames)
+      frames = std::make_shared<MechanicalFrames>(simulate_mechanical(
+          group.trials, fabric_, MechanicalDerivatives::none, options_.threads));
+    const Trials isolating = trials_for(row);
     ComponentSample sample;
-    for (std::size_t i = 0; i < trials.size(); ++i) {
-      append(component_strains(*trials[i], frames[i], fabric_, row), sample);
+    for (std::size_t i = 0; i < group.trials.size(); ++i) {
+      const MechanicalTrial& trial = *group.trials[i];
+      if (!isolating.empty() && std::ranges::find(isolating, group.trials[i]) == isolating.end())
+        continue;
+      append(component_strains(trial, (*frames)[i], fabric_, row), sample);
       for (const ParameterTie& tie : tied_)
         if (tie.leader == row)
-          append(component_strains(*trials[i], frames[i], fabric_, tie.follower), sample);
+          append(component_strains(trial, (*frames)[i], fabric_, tie.follower), sample);
     }
     return strain_range(sample);
   }

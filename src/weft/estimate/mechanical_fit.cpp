@@ -500,31 +500,36 @@ MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled
   return from_numbers(numbers, dimension(), static_cast<Eigen::Index>(friction_.size()));
 }
 
+std::shared_ptr<const MechanicalFrames> MechanicalProblem::frames(
+    const MechanicalShapes& near) const {
+  if (near.frames_ || near.evaluation_.empty()) return near.frames_;
+  return std::make_shared<MechanicalFrames>(store_->shapes(near.chain_, near.evaluation_, trials_));
+}
+
 VecX MechanicalProblem::ask(Question question, const VecX& scaled, MechanicalShapes* near,
                             const Answer& answer) const {
-  MechanicalShapes after;
+  const MechanicalShapes none = near ? MechanicalShapes(near->chain_) : MechanicalShapes();
+  MechanicalShapes after = none;
   if (store_) {
     after.evaluation_ = key(question, scaled, near);
     if (const auto known = store_->find(after.evaluation_)) {
-      if (near) *near = std::isfinite((*known)[0]) ? after : MechanicalShapes();
+      if (near) *near = std::isfinite((*known)[0]) ? after : none;
       return *known;
     }
   }
-  std::shared_ptr<const MechanicalFrames> from = near ? near->frames_ : nullptr;
-  if (near && !from && !near->evaluation_.empty())
-    from = std::make_shared<MechanicalFrames>(store_->shapes(near->evaluation_, trials_));
+  const std::shared_ptr<const MechanicalFrames> from = near ? frames(*near) : nullptr;
   const auto found = std::make_shared<MechanicalFrames>();
   VecX numbers = answer(from.get(), *found);
   const bool finite = std::isfinite(numbers[0]);
   after.frames_ = found;
   if (store_) {
-    if (near && finite) store_->add_shapes(after.evaluation_, *found);
+    if (near && finite) store_->add_shapes(after.chain_, after.evaluation_, *found);
     store_->add(after.evaluation_, numbers);
     // What comes starts from here.
     if (near && finite && question == Question::linearization)
-      store_->remove_shapes_but(after.evaluation_);
+      store_->remove_shapes_but(after.chain_, after.evaluation_);
   }
-  if (near) *near = finite ? after : MechanicalShapes();
+  if (near) *near = finite ? after : none;
   return numbers;
 }
 
@@ -698,8 +703,10 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
 class FitSearch {
  public:
   FitSearch(const MechanicalProblem& problem, const MechanicalFitOptions& options,
-            const MechanicalFitObserver& observer)
-      : problem_(problem), options_(options), observer_(observer) {}
+            const MechanicalFitObserver& observer, MechanicalShapes* near)
+      : problem_(problem), options_(options), observer_(observer), near_(near) {
+    if (near) shapes_ = *near;
+  }
 
   MechanicalFitResult run(const Fabric& start) {
     const auto begin = std::chrono::steady_clock::now();
@@ -798,7 +805,9 @@ class FitSearch {
                       ? LeastSquaresEnd::small_reduction
                       : found.end;
     const Replays replays(problem_);
-    const MechanicalProblem::Linearization at_end = problem_.linearize(found.x);
+    const MechanicalProblem::Linearization at_end =
+        problem_.linearize(found.x, near_ ? &shapes_ : nullptr);
+    if (near_) *near_ = shapes_;
     ++result_.evaluations;
     result_.replayed += replays.since();
     result_.inexact = at_end.inexact;
@@ -809,6 +818,7 @@ class FitSearch {
   MechanicalProblem problem_;
   const MechanicalFitOptions& options_;
   const MechanicalFitObserver& observer_;
+  MechanicalShapes* near_;   ///< where to leave the shapes of the end; may be null
   MechanicalShapes shapes_;  ///< of the last linearization
   MechanicalFitResult result_;
   double best_ = kInfinity;
@@ -819,8 +829,8 @@ class FitSearch {
 
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options,
-                                   const MechanicalFitObserver& observer) {
-  return FitSearch(problem, options, observer).run(start);
+                                   const MechanicalFitObserver& observer, MechanicalShapes* near) {
+  return FitSearch(problem, options, observer, near).run(start);
 }
 
 MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,

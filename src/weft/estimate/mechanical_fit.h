@@ -69,8 +69,13 @@ struct MechanicalCostOptions {
 /// Equilibria of an evaluation, for others to start from; none at first. Where the evaluation was
 /// found in a store they stay there until they are asked for.
 class MechanicalShapes {
+ public:
+  /// `chain`: a word; in a store they make room for later ones of their chain only.
+  explicit MechanicalShapes(std::string chain = "fit") : chain_(std::move(chain)) {}
+
  private:
   friend class MechanicalProblem;
+  std::string chain_;
   std::string evaluation_;  ///< its key in the store; empty without one
   std::shared_ptr<const MechanicalFrames> frames_;
 };
@@ -133,6 +138,8 @@ class MechanicalProblem {
     std::string reason;  ///< where the cost is infinite, as of cost()
   };
   Linearization linearize(const VecX& scaled, MechanicalShapes* near = nullptr) const;
+  /// Those that evaluations starting `near` would start from; null for none.
+  std::shared_ptr<const MechanicalFrames> frames(const MechanicalShapes& near) const;
 
   /// A hash of all that decides cost and derivatives: captures, meshes, fabric, parameters,
   /// options.
@@ -268,9 +275,13 @@ class MechanicalStartError : public Error {
 /// With a noise of clips: a search with the weights that the problem has, or those of the start;
 /// then more of them, each with the weights of where the one before ended, until one lowers the sum
 /// of squares by less than 0.1, eight at most. Where no weights can be had the search ends.
+///
+/// `near`: equilibria to start from, where there are any; those of the end, after. Without it the
+/// end is looked at from the start that simulate_mechanical() has by itself.
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options = {},
-                                   const MechanicalFitObserver& observer = {});
+                                   const MechanicalFitObserver& observer = {},
+                                   MechanicalShapes* near = nullptr);
 
 /// No search: cost and intervals at `fabric`, as if a fit had ended there; weighed as the problem
 /// is, or as at `fabric`.

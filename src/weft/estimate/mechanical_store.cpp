@@ -8,10 +8,9 @@
 namespace weft {
 namespace {
 
-constexpr std::string_view kShapes = "shapes ";  // keys of evaluations have no blanks
-
-std::string shapes_key(std::string_view evaluation) {
-  return fmt::format("{}{}", kShapes, evaluation);
+// Chains and keys of evaluations have no blanks.
+std::string shapes_key(std::string_view chain, std::string_view evaluation) {
+  return fmt::format("shapes {} {}", chain, evaluation);
 }
 
 }  // namespace
@@ -29,17 +28,18 @@ void MechanicalStore::add(std::string_view evaluation, const VecX& numbers) {
   numbers_.add(evaluation, numbers);
 }
 
-void MechanicalStore::add_shapes(std::string_view evaluation, const MechanicalFrames& frames) {
+void MechanicalStore::add_shapes(std::string_view chain, std::string_view evaluation,
+                                 const MechanicalFrames& frames) {
   NumberWriter writer;
   for (const auto& trial : frames)
     for (const MechanicalFrame& frame : trial) writer.add(frame.x);
-  numbers_.add(shapes_key(evaluation), writer.numbers());
+  numbers_.add(shapes_key(chain, evaluation), writer.numbers());
 }
 
 MechanicalFrames MechanicalStore::shapes(
-    std::string_view evaluation,
+    std::string_view chain, std::string_view evaluation,
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials) const {
-  const std::optional<VecX> numbers = numbers_.find(shapes_key(evaluation));
+  const std::optional<VecX> numbers = numbers_.find(shapes_key(chain, evaluation));
   if (!numbers)
     throw Error(
         fmt::format("{}: lacks the shapes that the fit was at; name another folder, or "
@@ -60,8 +60,8 @@ MechanicalFrames MechanicalStore::shapes(
   return frames;
 }
 
-void MechanicalStore::remove_shapes_but(std::string_view evaluation) {
-  numbers_.remove_all_but(kShapes, shapes_key(evaluation));
+void MechanicalStore::remove_shapes_but(std::string_view chain, std::string_view evaluation) {
+  numbers_.remove_all_but(shapes_key(chain, ""), shapes_key(chain, evaluation));
 }
 
 }  // namespace weft

@@ -15,8 +15,8 @@ namespace weft {
 ///
 /// An equilibrium is known to a tolerance only, so what is found depends in its last digits on
 /// where it was started: a continued fit ends at the same numbers as one that was left alone only
-/// if it goes on from the same shapes. They are large, some megabytes an evaluation, but those
-/// before the newest linearization are of no use any more and are removed.
+/// if it goes on from the same shapes. They are large, some megabytes an evaluation, but those of a
+/// chain before its newest linearization are of no use any more and are removed.
 ///
 /// Safe to use from several threads.
 class MechanicalStore {
@@ -30,12 +30,13 @@ class MechanicalStore {
   /// Evaluations that find() has found since the store was opened.
   std::size_t replayed() const { return replayed_; }
 
-  /// To be added before the evaluation's numbers.
-  void add_shapes(std::string_view evaluation, const MechanicalFrames& frames);
+  /// To be added before the evaluation's numbers. `chain`: a word.
+  void add_shapes(std::string_view chain, std::string_view evaluation,
+                  const MechanicalFrames& frames);
   /// Number and shape of each frame, nothing else. Throws Error if they are not there.
-  MechanicalFrames shapes(std::string_view evaluation,
+  MechanicalFrames shapes(std::string_view chain, std::string_view evaluation,
                           const std::vector<std::shared_ptr<const MechanicalTrial>>& trials) const;
-  void remove_shapes_but(std::string_view evaluation);
+  void remove_shapes_but(std::string_view chain, std::string_view evaluation);
 
  private:
   std::string path_;

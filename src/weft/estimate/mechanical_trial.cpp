@@ -214,7 +214,8 @@ struct History {
 /// of the frame before, then of this one.
 MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
                                const std::vector<StageModel>& models,
-                               MechanicalDerivatives derivatives, Points start, History& history) {
+                               MechanicalDerivatives derivatives, Points start,
+                               StaticOptions::Start kind, History& history) {
   const int stage_index = trial.stage_of_frame[at(frame)];
   const MechanicalStage& stage = trial.stages[at(stage_index)];
   const MechanicalCapture& capture = trial.capture;
@@ -224,7 +225,9 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
   if (remembers) model->set_history(history.values);
   const HeavyCloth cloth(*model, capture.areal_density, capture.gravity);
   const std::vector<Clip> clips = capture.clips(frame);
-  ClipEquilibrium found = solve_clips(cloth, clips, std::move(start), trial.options.statics);
+  StaticOptions statics = trial.options.statics;
+  statics.start = kind;
+  ClipEquilibrium found = solve_clips(cloth, clips, std::move(start), statics);
   MechanicalFrame result;
   result.frame = frame;
   result.converged = found.converged;
@@ -371,6 +374,7 @@ MechanicalFrames simulate_mechanical(
                             ? Memory::friction
                             : Memory::none;
   const std::vector<Chain> chains = chains_of(trials, near, memory);
+  const auto kind = near ? StaticOptions::Start::near_equilibrium : StaticOptions::Start::any;
   parallel_for(chains.size(), threads, [&](std::size_t i) {
     const MechanicalFrame* before = nullptr;
     History history;
@@ -378,7 +382,8 @@ MechanicalFrames simulate_mechanical(
       const std::size_t t = chains[i].trial;
       MechanicalFrame& result = results[t][at(frame)];
       Points start = near ? (*near)[t][at(frame)].x : start_of(*trials[t], frame, before);
-      result = simulate_frame(*trials[t], frame, models[t], derivatives, std::move(start), history);
+      result = simulate_frame(*trials[t], frame, models[t], derivatives, std::move(start), kind,
+                              history);
       before = &result;
     }
   });

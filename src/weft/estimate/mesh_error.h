@@ -37,12 +37,14 @@ double residual_noise(const Problem& problem) {
   return 2 / static_cast<double>(problem.residual_count());
 }
 
-/// At `scaled`, on cells of half the width, of a problem with refined() and linearize(). Nothing,
-/// and in `reason` why, where these would be more than may be.
-template <typename Problem>
+/// At `scaled`, on cells of half the width, of a problem with refined() and linearize(), which
+/// takes `near`, if anything, as well. Nothing, and in `reason` why, where these would be more than
+/// may be.
+template <typename Problem, typename... Near>
 std::optional<typename Problem::Linearization> linearize_refined(const Problem& problem,
                                                                  const VecX& scaled,
-                                                                 std::string* reason = nullptr) {
+                                                                 std::string* reason = nullptr,
+                                                                 Near... near) {
   std::optional<Problem> refined;
   try {
     refined.emplace(problem.refined());
@@ -50,7 +52,7 @@ std::optional<typename Problem::Linearization> linearize_refined(const Problem& 
     if (reason) *reason = error.what();
     return std::nullopt;
   }
-  return refined->linearize(scaled);
+  return refined->linearize(scaled, near...);
 }
 
 /// Of a problem with refined() and linearize(), whose linearization at `scaled` is `here`. Unknown

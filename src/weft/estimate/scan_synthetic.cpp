@@ -39,17 +39,18 @@ class PulledCloth final : public StaticPotential {
     }
     return energy;
   }
+  void gradient(const Points& x, Points& gradient) const override {
+    cloth_.gradient(x, gradient);
+    add_pulls_and_springs(x, gradient);
+  }
   void hessian(const Points& x, HessianKind kind, Points& gradient,
                SparseMatrix& hessian) const override {
     cloth_.hessian(x, kind, gradient, hessian);
-    gradient -= pulls_;
+    add_pulls_and_springs(x, gradient);
     for (const Spring& s : springs_) {
       const Vec3 d = x.col(s.b) - x.col(s.a);
       const double length = d.norm();
       const Vec3 n = d / length;
-      const Vec3 force = kBarStiffness * (length - s.length) * n;
-      gradient.col(s.b) += force;
-      gradient.col(s.a) -= force;
       double across = kBarStiffness * (1 - s.length / length);
       if (kind == HessianKind::positive_semidefinite) across = std::max(across, 0.0);
       const Mat3 block =
@@ -64,6 +65,16 @@ class PulledCloth final : public StaticPotential {
   const TriangleMesh& mesh() const override { return cloth_.mesh(); }
 
  private:
+  void add_pulls_and_springs(const Points& x, Points& gradient) const {
+    gradient -= pulls_;
+    for (const Spring& s : springs_) {
+      const Vec3 d = x.col(s.b) - x.col(s.a);
+      const double length = d.norm();
+      const Vec3 force = kBarStiffness * (1 - s.length / length) * d;
+      gradient.col(s.b) += force;
+      gradient.col(s.a) -= force;
+    }
+  }
   static void add_block(int row, int column, const Mat3& block, SparseMatrix& hessian) {
     [[maybe_unused]] const Eigen::Index before = hessian.nonZeros();
     for (int i = 0; i < 3; ++i)
