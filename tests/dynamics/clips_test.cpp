@@ -148,6 +148,51 @@ TEST(SolveClips, OneClipCarriesTheWholeWeight) {
   EXPECT_LT((found.forces.col(0) - Vec3(0, 0, 9.81 * 0.2 * kLength * kWidth)).norm(), 1e-6);
 }
 
+/// Where a strip of `fabric` comes to rest between turned clips.
+ClipEquilibrium twisted_strip(const Fabric& fabric, const Points& start,
+                              StaticOptions::Start kind) {
+  const TriangleMesh mesh = strip_mesh();
+  const auto model = make_elastic_model(mesh, fabric, 0.4);
+  std::vector<Clip> clips = ends(0.004);
+  clips[1].rotation = Eigen::AngleAxisd(0.3, Vec3(1, 1, 0).normalized());
+  StaticOptions options;
+  options.start = kind;
+  return solve_clips(HeavyCloth(*model, 0.3, kDown), clips, start, options);
+}
+
+TEST(SolveClips, NearAnEquilibriumFewerIterationsEndAtTheSame) {
+  using enum StaticOptions::Start;
+  std::vector<Clip> clips = ends(0.004);
+  const Points between = blend_of_clips(strip_mesh().material, clips);
+  const ClipEquilibrium before = twisted_strip(stvk(50, 0.3, 1e-5), between, any);
+  ASSERT_TRUE(before.converged);
+  for (const double factor : {1.001, 1.1, 2.0}) {
+    const Fabric changed = stvk(50 * factor, 0.3, 1e-5 / factor);
+    const ClipEquilibrium far = twisted_strip(changed, between, any),
+                          near = twisted_strip(changed, before.x, near_equilibrium);
+    EXPECT_TRUE(near.converged);
+    EXPECT_LT(near.residual, StaticOptions().force_tolerance);
+    EXPECT_LT(near.iterations, far.iterations);
+    // Both are as near to it as the tolerance of 1e-7 N on the softest motion of the strip allows.
+    EXPECT_LT((near.x - far.x).cwiseAbs().maxCoeff(), 1e-6) << factor;
+  }
+}
+
+TEST(SolveClips, AStartThatIsSaidToBeNearMayBeASaddle) {
+  const TriangleMesh mesh = strip_mesh();
+  const auto model = make_elastic_model(mesh, stvk(50, 0.3, 1e-6));
+  const HeavyCloth cloth(*model, 0.2, Vec3::Zero());
+  const std::vector<Clip> clips = ends(-0.004);  // nearer to each other: the strip buckles
+  StaticOptions options;
+  options.start = StaticOptions::Start::near_equilibrium;
+  const Points flat_start = blend_of_clips(mesh.material, clips);
+  ASSERT_EQ(flat_start.row(2).cwiseAbs().maxCoeff(), 0);
+  const ClipEquilibrium found = solve_clips(cloth, clips, flat_start, options);
+  EXPECT_TRUE(found.converged);
+  EXPECT_GT(found.x.row(2).cwiseAbs().maxCoeff(), 2e-3);
+  EXPECT_FALSE(clip_sensitivities(cloth, clips, found.x).inexact) << "the Hessian is not definite";
+}
+
 TEST(ClipSensitivities, AgreeWithDifferences) {
   const TriangleMesh mesh = strip_mesh();
   const Fabric fabric = stvk(50, 0.3, 1e-5);
