@@ -135,43 +135,59 @@ void HeavyCloth::hessian(const Points& x, HessianKind kind, Points& gradient,
   gradient.noalias() -= gravity_ * masses_.transpose();
 }
 
-ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& clips, Points start,
-                            const StaticOptions& options) {
-  const std::vector<int> clip_of = clip_of_vertices(cloth.mesh(), clips);
+ClippedCloth::ClippedCloth(const HeavyCloth& cloth, std::vector<Clip> clips)
+    : cloth_(cloth),
+      clips_(std::move(clips)),
+      clip_of_(clip_of_vertices(cloth.mesh(), clips_)),
+      system_(std::make_unique<StaticSystem>(cloth, flags_of_held(clip_of_))) {}
+
+ClippedCloth::~ClippedCloth() = default;
+
+ClipEquilibrium ClippedCloth::solve(Points start, const StaticOptions& options) {
   for (Eigen::Index i = 0; i < start.cols(); ++i) {
-    const int clip = clip_of[at(i)];
-    if (clip >= 0) start.col(i) = clips[at(clip)].place(cloth.mesh().material.col(i));
+    const int clip = clip_of_[at(i)];
+    if (clip >= 0) start.col(i) = clips_[at(clip)].place(cloth_.mesh().material.col(i));
   }
-  StaticResult found = solve_static(cloth, std::move(start), flags_of_held(clip_of), options);
+  StaticResult found = system_->solve(std::move(start), options);
   ClipEquilibrium result;
   result.x = std::move(found.x);
   result.residual = found.residual;
   result.iterations = found.iterations;
   result.converged = found.converged;
   Points gradient;
-  cloth.gradient(result.x, gradient);
-  sum_reactions(gradient, clip_of, clips, result);
+  cloth_.gradient(result.x, gradient);
+  sum_reactions(gradient, clip_of_, clips_, result);
   return result;
+}
+
+ClipSensitivities ClippedCloth::sensitivities(const Points& x, const MatX& history_derivative) {
+  detail::EquilibriumDerivatives found =
+      detail::equilibrium_derivatives(cloth_, *system_, x, history_derivative);
+  ClipSensitivities result;
+  result.x = std::move(found.x);
+  result.inexact = found.inexact;
+  result.forces = sum_over_clips(found.gradient, clip_of_, clips_.size());
+  return result;
+}
+
+MatX ClippedCloth::pose_sensitivities(const Points& x) {
+  const MatX forces = detail::held_stiffness(*system_, x, moves_by_poses(x, clip_of_, clips_));
+  return sum_over_clips(forces, clip_of_, clips_.size());
+}
+
+ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& clips, Points start,
+                            const StaticOptions& options) {
+  return ClippedCloth(cloth, clips).solve(std::move(start), options);
 }
 
 ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
                                      const Points& x, const MatX& history_derivative) {
-  const std::vector<int> clip_of = clip_of_vertices(cloth.mesh(), clips);
-  detail::EquilibriumDerivatives found =
-      detail::equilibrium_derivatives(cloth, flags_of_held(clip_of), x, history_derivative);
-  ClipSensitivities result;
-  result.x = std::move(found.x);
-  result.inexact = found.inexact;
-  result.forces = sum_over_clips(found.gradient, clip_of, clips.size());
-  return result;
+  return ClippedCloth(cloth, clips).sensitivities(x, history_derivative);
 }
 
 MatX clip_pose_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
                              const Points& x) {
-  const std::vector<int> clip_of = clip_of_vertices(cloth.mesh(), clips);
-  const MatX forces =
-      detail::held_stiffness(cloth, flags_of_held(clip_of), x, moves_by_poses(x, clip_of, clips));
-  return sum_over_clips(forces, clip_of, clips.size());
+  return ClippedCloth(cloth, clips).pose_sensitivities(x);
 }
 
 }  // namespace weft

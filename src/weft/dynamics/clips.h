@@ -2,12 +2,15 @@
 /// Cloth held by rigid clips, at rest: equilibrium, the forces of the clips, and the derivatives of
 /// both by the parameters of the material (Miguel et al. 2012, section 5.1, equations 7 and 8).
 #include <Eigen/Geometry>
+#include <memory>
 #include <vector>
 
 #include "weft/dynamics/static_potential.h"
 #include "weft/model/elastic_model.h"
 
 namespace weft {
+
+class StaticSystem;
 
 /// A rectangle of the undeformed swatch, (u, v), m.
 struct MaterialRectangle {
@@ -70,17 +73,37 @@ struct ClipEquilibrium {
   int iterations = 0;
   bool converged = false;
 };
-/// A stable equilibrium near `start`, 3 x vertices, with the clips' vertices where the clips are.
-/// Without convergence, what was reached.
-ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& clips, Points start,
-                            const StaticOptions& options = {});
-
 struct ClipSensitivities {
   MatX x;       ///< 3 vertices x parameters, m per unit
   MatX forces;  ///< 3 clips x parameters, N per unit
   /// The Hessian was not positive definite; it was made so by multiples of the mass matrix.
   bool inexact = false;
 };
+
+/// Cloth between clips, whose matrices are factorized once for an equilibrium and its derivatives.
+/// Keeps a reference to the cloth, which must not change between the calls.
+class ClippedCloth {
+ public:
+  ClippedCloth(const HeavyCloth& cloth, std::vector<Clip> clips);
+  ~ClippedCloth();
+
+  /// As the functions below.
+  ClipEquilibrium solve(Points start, const StaticOptions& options = {});
+  ClipSensitivities sensitivities(const Points& x, const MatX& history_derivative = {});
+  MatX pose_sensitivities(const Points& x);
+
+ private:
+  const HeavyCloth& cloth_;
+  std::vector<Clip> clips_;
+  std::vector<int> clip_of_;
+  std::unique_ptr<StaticSystem> system_;
+};
+
+/// A stable equilibrium near `start`, 3 x vertices, with the clips' vertices where the clips are.
+/// Without convergence, what was reached.
+ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& clips, Points start,
+                            const StaticOptions& options = {});
+
 /// Derivatives of an equilibrium `x` by all parameters of the model, by the implicit function
 /// theorem with the exact Hessian K = [K_ff K_fc; K_cf K_cc] of free and clamped vertices and the
 /// derivative g' of the gradient by the parameters:

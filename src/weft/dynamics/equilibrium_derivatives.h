@@ -2,6 +2,7 @@
 #include <vector>
 
 #include "weft/dynamics/clips.h"
+#include "weft/dynamics/static_system.h"
 
 namespace weft::detail {
 
@@ -12,10 +13,10 @@ struct EquilibriumDerivatives {
   MatX gradient;         ///< of the force that holds each vertex, N per unit; zero where it is free
   bool inexact = false;  ///< the Hessian had to be made positive definite
 };
-/// `held`: flags of the vertices; `history_derivative` as in clip_sensitivities(). Throws Error for
-/// a Hessian that is not finite.
-EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth,
-                                               const std::vector<char>& held, const Points& x,
+/// `system`: of `cloth`; `history_derivative` as in clip_sensitivities(). Throws Error for a
+/// Hessian that is not finite.
+EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth, StaticSystem& system,
+                                               const Points& x,
                                                const MatX& history_derivative = {});
 
 /// How the forces that hold the vertices change when these are moved and the free ones come to rest
@@ -23,7 +24,6 @@ EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth,
 /// zero where vertices are free), N per unit, zero where vertices are free. Where the Hessian is
 /// not positive definite the free vertices answer as in equilibrium_derivatives(). Throws Error for
 /// a Hessian that is not finite.
-MatX held_stiffness(const HeavyCloth& cloth, const std::vector<char>& held, const Points& x,
-                    const MatX& moves);
+MatX held_stiffness(StaticSystem& system, const Points& x, const MatX& moves);
 
 }  // namespace weft::detail

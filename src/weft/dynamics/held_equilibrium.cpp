@@ -25,7 +25,8 @@ class StaticSolver final : public EquilibriumSolver {
                         HeldDerivatives derivatives) const override {
     const auto model = make_elastic_model(cloth.mesh, fabric, cloth.grain_angle, cloth.hem_width);
     const HeavyCloth heavy(*model, cloth.areal_density, cloth.gravity);
-    StaticResult found = solve_static(heavy, cloth.start, cloth.held, options_);
+    StaticSystem system(heavy, cloth.held);
+    StaticResult found = system.solve(cloth.start, options_);
     HeldEquilibrium result;
     result.x = std::move(found.x);
     result.residual = found.residual;
@@ -34,8 +35,7 @@ class StaticSolver final : public EquilibriumSolver {
     heavy.gradient(result.x, result.reactions);
     zero_free_columns(cloth.held, result.reactions);
     if (derivatives == HeldDerivatives::all) {
-      detail::EquilibriumDerivatives d =
-          detail::equilibrium_derivatives(heavy, cloth.held, result.x);
+      detail::EquilibriumDerivatives d = detail::equilibrium_derivatives(heavy, system, result.x);
       result.x_derivative = std::move(d.x);
       result.reaction_derivative = std::move(d.gradient);
       result.inexact = d.inexact;

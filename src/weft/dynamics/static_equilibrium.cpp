@@ -1,11 +1,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "weft/base/error.h"
 #include "weft/base/random.h"
-#include "weft/dynamics/simulate.h"
-#include "weft/dynamics/sparse_cholesky.h"
 #include "weft/dynamics/state.h"
-#include "weft/dynamics/static_potential.h"
+#include "weft/dynamics/static_system.h"
 
 namespace weft {
 
@@ -43,43 +42,18 @@ class RestingCloth : public StaticPotential {
   const ClothModel& model_;
 };
 
-class Equilibrium {
- public:
-  Equilibrium(const StaticPotential& model, const std::vector<char>& held,
-              const StaticOptions& options)
-      : model_(model),
-        options_(options),
-        held_(held),
-        cholesky_(model.hessian_pattern(), held_, model.mesh().material),
-        hessian_(model.hessian_pattern()),
-        diagonal_(diagonal_slots(hessian_)) {}
+}  // namespace
 
-  StaticResult solve(Points start);
+StaticSystem::StaticSystem(const StaticPotential& potential, std::vector<char> held)
+    : model_(potential),
+      held_(std::move(held)),
+      cholesky_(potential.hessian_pattern(), held_, potential.mesh().material),
+      hessian_(potential.hessian_pattern()),
+      diagonal_(diagonal_slots(hessian_)) {}
 
- private:
-  double largest_free_force() const;
-  bool factorize(HessianKind kind);
-  bool factorize_for_direction();
-  bool find_step();
-  bool finish_by_factor(StaticResult& result);
-  bool is_stable();
-  void escape();
+bool StaticSystem::Factor::inexact() const { return regularization > kLeastRegularization; }
 
-  const StaticPotential& model_;
-  StaticOptions options_;
-  std::vector<char> held_;
-  SparseCholesky<double> cholesky_;
-  SparseMatrix hessian_;
-  std::vector<int> diagonal_;
-  Points x_, gradient_, direction_, trial_;
-  double potential_ = 0;
-  double regularization_ = kFirstRegularization;
-  bool exact_ = false;         // the factor at hand is of the exact Hessian
-  bool as_predicted_ = false;  // the last step was whole, and lowered the potential as foreseen
-  int pause_ = 1, until_exact_ = 1;
-};
-
-double Equilibrium::largest_free_force() const {
+double StaticSystem::largest_free_force() const {
   double largest = 0;
   for (Eigen::Index i = 0; i < gradient_.cols(); ++i) {
     if (held_[static_cast<std::size_t>(i)]) continue;
@@ -89,21 +63,24 @@ double Equilibrium::largest_free_force() const {
   return largest;
 }
 
-bool Equilibrium::factorize(HessianKind kind) {
+/// Adds this times the masses to the diagonal.
+void StaticSystem::regularize(double regularization) {
+  for (std::size_t i = 0; i < diagonal_.size(); ++i)
+    hessian_.valuePtr()[diagonal_[i]] +=
+        regularization * model_.masses()[static_cast<Eigen::Index>(i / 3)];
+}
+
+bool StaticSystem::factorize(HessianKind kind) {
+  factored_at_.reset();
   hessian_.coeffs().setZero();
   model_.hessian(x_, kind, gradient_, hessian_);
-  for (Eigen::Index i = 0; i < gradient_.cols(); ++i) {
-    for (int k = 0; k < 3; ++k) {
-      hessian_.valuePtr()[diagonal_[static_cast<std::size_t>(3 * i + k)]] +=
-          regularization_ * model_.masses()(i);
-    }
-  }
+  regularize(regularization_);
   return cholesky_.factorize(hessian_);
 }
 
 /// The exact Hessian converges fast, where it is positive definite; the projected one always leads
 /// downhill. After each vain try of the first the pause before the next one doubles.
-bool Equilibrium::factorize_for_direction() {
+bool StaticSystem::factorize_for_direction() {
   if (--until_exact_ <= 0) {
     exact_ = factorize(HessianKind::exact);
     if (exact_) {
@@ -122,7 +99,7 @@ bool Equilibrium::factorize_for_direction() {
 }
 
 /// Moves x_ along the Newton direction. False if the potential cannot be lowered.
-bool Equilibrium::find_step() {
+bool StaticSystem::find_step() {
   direction_ = -gradient_;
   cholesky_.solve(direction_);
   const double slope = gradient_.cwiseProduct(direction_).sum();
@@ -147,13 +124,13 @@ bool Equilibrium::find_step() {
 }
 
 /// More steps by the factor at hand, to convergence. False where it no longer serves.
-bool Equilibrium::finish_by_factor(StaticResult& result) {
+bool StaticSystem::finish_by_factor(double force_tolerance, StaticResult& result) {
   for (double before = result.residual;; before = result.residual) {
     model_.gradient(x_, gradient_);
     const double after = largest_free_force();
     if (!(after < kStillServes * before)) break;
     result.residual = after;
-    if (after < options_.force_tolerance) return true;
+    if (after < force_tolerance) return true;
     direction_ = -gradient_;
     cholesky_.solve(direction_);
     x_ += direction_;
@@ -162,7 +139,7 @@ bool Equilibrium::finish_by_factor(StaticResult& result) {
   return false;
 }
 
-bool Equilibrium::is_stable() {
+bool StaticSystem::is_stable() {
   if (exact_) return true;
   const double kept = regularization_;
   regularization_ = kLeastRegularization;
@@ -173,7 +150,7 @@ bool Equilibrium::is_stable() {
 
 /// Leaves a saddle along its direction of most negative curvature, found by inverse iteration, on
 /// the side and as far as the potential falls.
-void Equilibrium::escape() {
+void StaticSystem::escape() {
   do {
     regularization_ = std::max(4 * regularization_, 1.0);
   } while (!factorize(HessianKind::exact) && regularization_ < kMostRegularization);
@@ -201,26 +178,28 @@ void Equilibrium::escape() {
   potential_ = best;
 }
 
-StaticResult Equilibrium::solve(Points start) {
-  const bool near = options_.start == StaticOptions::Start::near_equilibrium;
-  if (near) regularization_ = kLeastRegularization;
+StaticResult StaticSystem::solve(Points start, const StaticOptions& options) {
+  const bool near = options.start == StaticOptions::Start::near_equilibrium;
+  regularization_ = near ? kLeastRegularization : kFirstRegularization;
+  pause_ = until_exact_ = 1;
   x_ = std::move(start);
   StaticResult result;
   potential_ = model_.value(x_);
-  for (; result.iterations < options_.max_iterations; ++result.iterations) {
+  for (; result.iterations < options.max_iterations; ++result.iterations) {
     if (!factorize_for_direction()) break;
     result.residual = largest_free_force();
     if (!std::isfinite(result.residual)) break;
-    if (result.residual < options_.force_tolerance) {
+    if (result.residual < options.force_tolerance) {
       if (is_stable()) {
         result.converged = true;
+        if (exact_ && regularization_ == kLeastRegularization) factored_at_ = x_;
         break;
       }
       escape();
       continue;
     }
     if (!find_step()) break;
-    if (near && exact_ && as_predicted_ && finish_by_factor(result)) {
+    if (near && exact_ && as_predicted_ && finish_by_factor(options.force_tolerance, result)) {
       result.converged = true;
       ++result.iterations;
       break;
@@ -230,7 +209,22 @@ StaticResult Equilibrium::solve(Points start) {
   return result;
 }
 
-}  // namespace
+StaticSystem::Factor StaticSystem::factor_at(const Points& x) {
+  regularization_ = kLeastRegularization;
+  if (factored_at_ && *factored_at_ == x)
+    return {hessian_, cholesky_, regularization_, model_.masses()};
+  x_ = x;
+  bool definite = factorize(HessianKind::exact);
+  while (!definite) {
+    if (!(regularization_ < kMostRegularization))
+      throw Error("equilibrium: the stiffness matrix cannot be factorized; it is not finite");
+    regularize(9 * regularization_);
+    regularization_ *= 10;
+    definite = cholesky_.factorize(hessian_);
+  }
+  if (regularization_ == kLeastRegularization) factored_at_ = x;
+  return {hessian_, cholesky_, regularization_, model_.masses()};
+}
 
 StaticResult solve_static(const ClothModel& model, const Points& start,
                           const std::vector<PointFixture>& fixtures, double time,
@@ -243,7 +237,7 @@ StaticResult solve_static(const ClothModel& model, const Points& start,
 
 StaticResult solve_static(const StaticPotential& potential, Points start,
                           const std::vector<char>& held, const StaticOptions& options) {
-  return Equilibrium(potential, held, options).solve(std::move(start));
+  return StaticSystem(potential, held).solve(std::move(start), options);
 }
 
 std::vector<int> diagonal_slots(const SparseMatrix& lower) {

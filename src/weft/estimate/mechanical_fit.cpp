@@ -805,8 +805,9 @@ class FitSearch {
                       ? LeastSquaresEnd::small_reduction
                       : found.end;
     const Replays replays(problem_);
+    // A fit that was stopped goes on from the shapes that are in the store now.
     const MechanicalProblem::Linearization at_end =
-        problem_.linearize(found.x, near_ ? &shapes_ : nullptr);
+        problem_.linearize(found.x, near_ && !stopped_ ? &shapes_ : nullptr);
     if (near_) *near_ = shapes_;
     ++result_.evaluations;
     result_.replayed += replays.since();

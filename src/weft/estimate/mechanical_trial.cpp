@@ -224,10 +224,10 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
   if (history.stage != stage_index) history = {stage_index, first_history, {}};
   if (remembers) model->set_history(history.values);
   const HeavyCloth cloth(*model, capture.areal_density, capture.gravity);
-  const std::vector<Clip> clips = capture.clips(frame);
+  ClippedCloth clipped(cloth, capture.clips(frame));
   StaticOptions statics = trial.options.statics;
   statics.start = kind;
-  ClipEquilibrium found = solve_clips(cloth, clips, std::move(start), statics);
+  ClipEquilibrium found = clipped.solve(std::move(start), statics);
   MechanicalFrame result;
   result.frame = frame;
   result.converged = found.converged;
@@ -240,7 +240,7 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
     result.points = Points::Map(points.data(), 3, points.size() / 3);
   }
   if (derivatives == MechanicalDerivatives::all) {
-    ClipSensitivities s = clip_sensitivities(cloth, clips, found.x, history.derivative);
+    ClipSensitivities s = clipped.sensitivities(found.x, history.derivative);
     if (remembers) {
       if (history.derivative.size() == 0)
         history.derivative = MatX::Zero(model->history_size(), s.x.cols());
@@ -251,7 +251,7 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
     result.inexact = s.inexact;
   }
   if (derivatives == MechanicalDerivatives::poses)
-    result.pose_derivative = clip_pose_sensitivities(cloth, clips, found.x);
+    result.pose_derivative = clipped.pose_sensitivities(found.x);
   if (remembers) history.values = model->next_history(found.x);
   result.x = std::move(found.x);
   return result;
