@@ -33,14 +33,7 @@ struct Motion3d {
 };
 
 Motion3d read_motion(const Arguments& arguments) {
-  const ObjMesh obj = read_obj(arguments.mesh);
-  if (!obj.texture) {
-    throw Error(fmt::format("{}: has no vt (u, v) for each vertex", arguments.mesh));
-  }
-  Motion3d motion;
-  motion.mesh.material = *obj.texture;
-  motion.mesh.triangles = obj.triangles;
-  motion.frames = read_pc2(arguments.points).frames;
+  Motion3d motion{read_material_surface(arguments.mesh).mesh, read_pc2(arguments.points).frames};
   if (motion.frames.front().cols() != motion.mesh.vertex_count()) {
     throw Error(fmt::format("{}: has {} points, {} has {} vertices", arguments.points,
                             motion.frames.front().cols(), arguments.mesh,
