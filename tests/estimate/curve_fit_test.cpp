@@ -103,6 +103,44 @@ TEST(FitCurves, IncrementalOrderFindsCurvesFromStartsWrongByTen) {
   EXPECT_NEAR(found.fit.fabric.curve("warp_bend").stiffness(curvature), bend, 0.03 * bend);
 }
 
+// Of a fabric that stiffens as it is stretched, sheared between bars that hold its threads: these
+// are stretched beyond the tests of stretch, and without control points there the shear, which is
+// as stiff, would make up for them.
+TEST(FitCurves, StretchBeyondItsTestsIsFoundWithTheShear) {
+  const test::TemporaryFolder folder;
+  Fabric truth = nonlinear_fabric();
+  truth.set_curve("weft_stretch", {Vec3(0, 0.01, 0.03), Vec3(1000, 4000, 12000)});
+  truth.set_curve("warp_stretch", {Vec3(0, 0.01, 0.03), Vec3(1000, 4000, 12000)});
+  truth.set_curve("shear", StiffnessCurve(500));
+  Trials trials;
+  for (const RigTest test : {RigTest::weft_stretch, RigTest::warp_stretch, RigTest::shear})
+    trials.push_back(trial_of(folder.path(), test, truth));
+  Fabric start = truth;
+  for (const char* row : {"weft_stretch", "warp_stretch"})
+    start.set_curve(row, StiffnessCurve(4000));
+  start.set("shear", 2000);
+  CurveFitOptions options;
+  options.shape = CurveShape::subdivided;
+  options.most_points = 3;
+  const CurveFitResult found =
+      fit_curves(trials, start, {"weft_stretch", "warp_stretch", "shear"}, options);
+  const StiffnessCurve weft = found.fit.fabric.curve("weft_stretch");
+  ASSERT_EQ(weft.size(), 4);
+  EXPECT_GT(weft.knots()[3], 1.1 * weft.knots()[2]);
+  EXPECT_EQ(found.free.size(), found.fit.intervals.size());
+  EXPECT_NEAR(found.fit.fabric.curve("shear").stiffness(0.15), 500, 0.03 * 500);
+  const double middle = 0.5 * (weft.knots()[2] + weft.knots()[3]);
+  const double expected = truth.curve("weft_stretch").stiffness(middle);
+  EXPECT_NEAR(weft.stiffness(middle), expected, 0.1 * expected);
+
+  options.symmetry = ThreadSymmetry::isotropic;
+  const CurveFitResult tied =
+      fit_curves(trials, start, {"weft_stretch", "warp_stretch", "shear"}, options);
+  EXPECT_EQ(tied.fit.fabric.curve("weft_stretch").size(), 4);
+  EXPECT_EQ(tied.fit.fabric.curve("warp_stretch").values(),
+            tied.fit.fabric.curve("weft_stretch").values());
+}
+
 TEST(FitCurves, VariantsHaveFewerNumbers) {
   const test::TemporaryFolder folder;
   const Fabric truth = nonlinear_fabric();

@@ -20,6 +20,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Of the start, where that has no equilibrium.
 constexpr std::array<double, 5> kFactors{1, 10, 0.1, 100, 0.01};
 constexpr double kNoWeight = 1e-9;  // of a control value in a band
+constexpr double kBeyond = 1.1;     // of a curve's last knot: strains beyond it count
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 using Tests = std::vector<IsolatedStrain>;
@@ -126,7 +127,7 @@ class CurveFitter {
     result.fit.end = stopped_ ? LeastSquaresEnd::stopped : LeastSquaresEnd::small_reduction;
     result.fit.wall_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    result.free = names(all.rows, fabric_);
+    result.free = names(all, fabric_);
     return result;
   }
 
@@ -226,6 +227,7 @@ class CurveFitter {
   }
 
   Group everything() const { return {"all", rows_, trials_, MechanicalForces::all}; }
+  static bool is_shear(const Group& group) { return group.name == "shear"; }
 
   std::vector<Group> groups() const {
     std::vector<Group> result;
@@ -235,7 +237,7 @@ class CurveFitter {
         if (step_of(row)->step == step.step) group.rows.push_back(row);
       if (group.rows.empty()) continue;
       group.trials = trials_for(group.rows.front());
-      if (step.step == Step::shear) group.forces = MechanicalForces::along_clips;
+      if (step.step == Step::shear && longer_.empty()) group.forces = MechanicalForces::along_clips;
       if (step.step == Step::coupling)  // found with what it is coupled to
         for (const std::string& row : rows_)
           if (step_of(row)->step == Step::weft_stretch || step_of(row)->step == Step::warp_stretch)
@@ -245,10 +247,31 @@ class CurveFitter {
     return result;
   }
 
-  std::vector<std::string> names(const std::vector<std::string>& rows, const Fabric& fabric) const {
+  bool is_longer(const std::string& row) const {
+    return std::find(longer_.begin(), longer_.end(), row) != longer_.end();
+  }
+
+  /// The values of a row that a group searches.
+  std::vector<std::string> names(const Group& group, const std::string& row,
+                                 const Fabric& fabric) const {
+    std::vector<std::string> all = value_names(fabric, row);
+    if (group.name == "all" || !is_longer(row)) return all;
+    if (is_shear(group)) return {all.back()};
+    all.pop_back();
+    return all;
+  }
+
+  /// Rows of which a group searches some values.
+  std::vector<std::string> searched_rows(const Group& group) const {
+    std::vector<std::string> rows = group.rows;
+    if (is_shear(group)) rows.insert(rows.end(), longer_.begin(), longer_.end());
+    return rows;
+  }
+
+  std::vector<std::string> names(const Group& group, const Fabric& fabric) const {
     std::vector<std::string> result;
-    for (const std::string& row : rows)
-      for (std::string& name : value_names(fabric, row)) result.push_back(std::move(name));
+    for (const std::string& row : searched_rows(group))
+      for (std::string& name : names(group, row, fabric)) result.push_back(std::move(name));
     return result;
   }
 
@@ -256,15 +279,17 @@ class CurveFitter {
                             const ForceWeights& weights = {}) const {
     MechanicalCostOptions cost = options_.cost;
     cost.forces = group.forces;
+    const std::vector<std::string> searched = searched_rows(group);
     for (const ParameterTie& tie : tied_) {
-      if (std::find(group.rows.begin(), group.rows.end(), tie.leader) == group.rows.end()) continue;
-      const auto leaders = value_names(fabric, tie.leader),
+      if (std::find(searched.begin(), searched.end(), tie.leader) == searched.end()) continue;
+      const auto all = value_names(fabric, tie.leader), leaders = names(group, tie.leader, fabric),
                  followers = value_names(fabric, tie.follower);
-      for (std::size_t i = 0; i < leaders.size(); ++i)
-        cost.ties.push_back({followers[i], leaders[i]});
+      for (const std::string& leader : leaders) {
+        const auto place = std::find(all.begin(), all.end(), leader) - all.begin();
+        cost.ties.push_back({followers[static_cast<std::size_t>(place)], leader});
+      }
     }
-    MechanicalProblem result(group.trials, fabric, names(group.rows, fabric), cost,
-                             options_.threads);
+    MechanicalProblem result(group.trials, fabric, names(group, fabric), cost, options_.threads);
     result.weigh_by(weights);
     result.keep_in(options_.store);
     return result;
@@ -338,7 +363,45 @@ class CurveFitter {
       return;
     }
     fabric_ = found.fabric;
-    if (options_.shape == CurveShape::subdivided && pass == 1) subdivide(group, found, shapes);
+    if (options_.shape != CurveShape::subdivided || pass > 1) return;
+    if (options_.order == FitOrder::incremental && is_shear(group) && !stopped_ &&
+        lengthen_stretch(group, shapes.here)) {
+      Group longer = group;
+      longer.forces = MechanicalForces::all;
+      const MechanicalFitResult again = stage(longer, fabric_, pass, points, shapes.here);
+      fabric_ = again.fabric;
+      subdivide(longer, again, shapes);
+      return;
+    }
+    subdivide(group, found, shapes);
+  }
+
+  /// Threads that are sheared between stiff bars may be stretched beyond what the tests of stretch
+  /// show, where a curve is constant and shear would make up for it: one more control point there,
+  /// which is found with the shear, from all forces. False where no curve needs one.
+  bool lengthen_stretch(const Group& shear, const MechanicalShapes& shapes) {
+    for (const std::string& row : rows_) {
+      const Step step = step_of(row)->step;
+      if (step != Step::weft_stretch && step != Step::warp_stretch) continue;
+      if (!may_be_curve(fabric_, row)) continue;
+      const StiffnessCurve curve = fabric_.curve(row);
+      const Eigen::Index n = curve.size();
+      if (n < 2 || n >= StiffnessCurve::kMostKnots) continue;
+      const double end = curve.knots()[n - 1];
+      const double reached = range_in(shear, row, shapes, Isolating::no).upper;
+      if (!(reached > kBeyond * end)) continue;
+      VecX knots(n + 1), values(n + 1);
+      knots << curve.knots(), reached;
+      const double slope = (curve.values()[n - 1] - curve.values()[n - 2]) /
+                           (curve.knots()[n - 1] - curve.knots()[n - 2]);
+      values << curve.values(),
+          std::max(curve.values()[n - 1], curve.values()[n - 1] + slope * (reached - end));
+      fabric_.set_curve(row, StiffnessCurve(knots, values));
+      for (const ParameterTie& tie : tied_)
+        if (tie.leader == row) copy_to_follower(tie, fabric_);
+      longer_.push_back(row);
+    }
+    return !longer_.empty();
   }
 
   /// What runs off to an end of its range follows something else, such as the error of the mesh;
@@ -452,7 +515,7 @@ class CurveFitter {
 
   StrainRange occurring(const Group& group, const std::string& row,
                         const MechanicalShapes& shapes) const {
-    if (!options_.store) return occurring_in(group, row, shapes);
+    if (!options_.store) return range_in(group, row, shapes, Isolating::yes);
     ContentHash hash;
     for (const auto& trial : group.trials) add_trial(hash, *trial);
     add_fabric(hash, fabric_);
@@ -460,19 +523,20 @@ class CurveFitter {
     hash.add(options_.symmetry);
     const std::string key = "strains-" + hash.hex();
     if (const auto known = options_.store->find(key)) return {(*known)[0], (*known)[1]};
-    const StrainRange range = occurring_in(group, row, shapes);
+    const StrainRange range = range_in(group, row, shapes, Isolating::yes);
     options_.store->add(key, Vec2(range.lower, range.upper));
     return range;
   }
 
-  /// In the tests of the group that isolate the row, or in all of them where none does.
-  StrainRange occurring_in(const Group& group, const std::string& row,
-                           const MechanicalShapes& shapes) const {
+  /// In the tests of the group, or in those that isolate the row, where there are some.
+  enum class Isolating { no, yes };
+  StrainRange range_in(const Group& group, const std::string& row, const MechanicalShapes& shapes,
+                       Isolating which) const {
     auto frames = problem(group, fabric_).frames(shapes);
     if (!frames)
       frames = std::make_shared<MechanicalFrames>(simulate_mechanical(
           group.trials, fabric_, MechanicalDerivatives::none, options_.threads));
-    const Trials isolating = trials_for(row);
+    const Trials isolating = which == Isolating::yes ? trials_for(row) : Trials();
     ComponentSample sample;
     for (std::size_t i = 0; i < group.trials.size(); ++i) {
       const MechanicalTrial& trial = *group.trials[i];
@@ -501,7 +565,8 @@ class CurveFitter {
   Tests tests_;  ///< one a trial
   Fabric fabric_, fabric_at_start_;
   std::vector<std::string> rows_;
-  std::vector<ParameterTie> tied_;  ///< rows
+  std::vector<ParameterTie> tied_;   ///< rows
+  std::vector<std::string> longer_;  ///< rows whose last value is found with the shear
   const CurveFitOptions& options_;
   const CurveFitObserver& observer_;
   CurveFitResult result_;
