@@ -71,7 +71,8 @@ struct MechanicalCostOptions {
 class MechanicalShapes {
  public:
   /// `chain`: a word; in a store they make room for later ones of their chain only.
-  explicit MechanicalShapes(std::string chain = "fit") : chain_(std::move(chain)) {}
+  explicit MechanicalShapes(std::string chain) : chain_(std::move(chain)) {}
+  MechanicalShapes() : MechanicalShapes("fit") {}
 
  private:
   friend class MechanicalProblem;
