@@ -141,6 +141,45 @@ TEST(FitCurves, StretchBeyondItsTestsIsFoundWithTheShear) {
             tied.fit.fabric.curve("weft_stretch").values());
 }
 
+// Shear is found before the bends, and of a limp fabric it takes up what is wrong with them.
+TEST(FitCurves, ShearIsSubdividedAnewWhereTheBendsHaveChangedItsCost) {
+  const test::TemporaryFolder folder;
+  Fabric truth = nonlinear_fabric();
+  for (const char* row : {"weft_stretch", "warp_stretch"})
+    truth.set_curve(row, StiffnessCurve(100));
+  truth.set_curve("shear", StiffnessCurve(15));
+  const std::vector<std::string> bends{"weft_bend", "warp_bend", "diagonal_bend"};
+  for (const std::string& row : bends) truth.set(row, 3e-6);
+  Trials trials;
+  for (const RigTest test : {RigTest::shear, RigTest::weft_bend, RigTest::warp_bend})
+    trials.push_back(trial_of(folder.path(), test, truth));
+  CurveFitOptions options;
+  options.shape = CurveShape::subdivided;
+  options.most_points = 3;
+  /// Stages of the shear in the second pass.
+  const auto second_pass = [&](double factor) {
+    Fabric start = truth;
+    for (const std::string& row : bends) start.set(row, factor * truth.value(row));
+    std::vector<CurveFitStage> stages =
+        fit_curves(trials, start, {"shear", "weft_bend", "warp_bend", "diagonal_bend"}, options)
+            .stages;
+    std::erase_if(stages, [](const CurveFitStage& stage) {
+      return stage.pass == 1 || !stage.name.starts_with("shear");
+    });
+    return stages;
+  };
+  EXPECT_EQ(second_pass(1).size(), 1u);
+  const std::vector<CurveFitStage> anew = second_pass(100);
+  ASSERT_GE(anew.size(), 2u);
+  EXPECT_EQ(anew[0].points, 3);
+  EXPECT_EQ(anew[1].points, 1);
+  EXPECT_TRUE(anew[1].kept);
+  double cost = 0;  // of the last one that is kept
+  for (const CurveFitStage& stage : anew)
+    if (stage.kept) cost = stage.cost;
+  EXPECT_LE(cost, 1.01 * anew[0].cost);
+}
+
 TEST(FitCurves, VariantsHaveFewerNumbers) {
   const test::TemporaryFolder folder;
   const Fabric truth = nonlinear_fabric();

@@ -21,6 +21,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::array<double, 5> kFactors{1, 10, 0.1, 100, 0.01};
 constexpr double kNoWeight = 1e-9;  // of a control value in a band
 constexpr double kBeyond = 1.1;     // of a curve's last knot: strains beyond it count
+/// Bends that were found after the shear have changed its cost by this part of it.
+constexpr double kBendsMatter = 0.1;
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 using Tests = std::vector<IsolatedStrain>;
@@ -353,9 +355,7 @@ class CurveFitter {
   }
 
   void fit_group(const Group& group, int pass) {
-    int points = 1;
-    for (const std::string& row : group.rows)
-      points = std::max(points, may_be_curve(fabric_, row) ? fabric_.value_count(row) : 1);
+    const int points = most_points_of(group);
     Shapes shapes(group);
     const MechanicalFitResult found = stage(group, fabric_, pass, points, shapes.here);
     if (options_.order == FitOrder::incremental && points == 1 && left_at_start(group, found)) {
@@ -363,17 +363,29 @@ class CurveFitter {
       return;
     }
     fabric_ = found.fabric;
-    if (options_.shape != CurveShape::subdivided || pass > 1) return;
+    if (options_.shape != CurveShape::subdivided) return;
+    if (pass > 1) {
+      const bool other_bends = std::abs(found.cost_start / shear_cost_ - 1) > kBendsMatter;
+      if (is_shear(group) && other_bends && !stopped_) subdivide_anew(group, pass, found, shapes);
+      return;
+    }
     if (options_.order == FitOrder::incremental && is_shear(group) && !stopped_ &&
         lengthen_stretch(group, shapes.here)) {
       Group longer = group;
       longer.forces = MechanicalForces::all;
       const MechanicalFitResult again = stage(longer, fabric_, pass, points, shapes.here);
       fabric_ = again.fabric;
-      subdivide(longer, again, shapes);
-      return;
+      subdivide(longer, again, shapes, pass);
+    } else {
+      subdivide(group, found, shapes, pass);
     }
-    subdivide(group, found, shapes);
+    if (is_shear(group)) shear_cost_ = result_.stages[last_kept()].cost;
+  }
+
+  std::size_t last_kept() const {
+    std::size_t i = result_.stages.size() - 1;
+    while (i > 0 && !result_.stages[i].kept) --i;
+    return i;
   }
 
   /// Threads that are sheared between stiff bars may be stretched beyond what the tests of stretch
@@ -449,11 +461,11 @@ class CurveFitter {
 
   /// One more control point each, as long as it pays: with the weights of the fit without it, for
   /// costs of different weights say nothing of each other.
-  void subdivide(const Group& group, MechanicalFitResult kept, Shapes& shapes) {
+  void subdivide(const Group& group, MechanicalFitResult kept, Shapes& shapes, int pass) {
     for (int points = 2; points <= options_.most_points && !stopped_; ++points) {
       Fabric finer = fabric_;
       if (!place_points(group, points, shapes.here, finer)) return;
-      MechanicalFitResult found = stage(group, finer, 1, points, shapes.here, kept.weights);
+      MechanicalFitResult found = stage(group, finer, pass, points, shapes.here, kept.weights);
       const std::size_t place = result_.stages.size() - 1;
       result_.stages[place].kept = pays(kept.cost, found.cost_first) &&
                                    pays_on_finer_cells(group, place, kept, found, shapes.finer);
@@ -461,6 +473,36 @@ class CurveFitter {
       fabric_ = found.fabric;
       kept = std::move(found);
     }
+  }
+
+  /// The shear once more from a constant: it depends on the bends, which come after it, and may
+  /// have got control points for what was wrong with them. Kept where that costs no more.
+  void subdivide_anew(const Group& group, int pass, const MechanicalFitResult& before,
+                      Shapes& shapes) {
+    Fabric constant = before.fabric;
+    if (most_points_of(group) == 1 || !place_points(group, 1, shapes.here, constant)) return;
+    const std::size_t first = result_.stages.size();
+    const MechanicalFitResult found = stage(group, constant, pass, 1, shapes.here, before.weights);
+    fabric_ = found.fabric;
+    subdivide(group, found, shapes, pass);
+    const double most = (1 + options_.least_reduction) * cost_of(group, before.fabric, before);
+    if (!stopped_ && cost_of(group, fabric_, before) <= most) return;
+    fabric_ = before.fabric;
+    for (std::size_t i = first; i < result_.stages.size(); ++i) result_.stages[i].kept = false;
+  }
+
+  /// With the weights of `fit`.
+  double cost_of(const Group& group, const Fabric& fabric, const MechanicalFitResult& fit) {
+    const MechanicalProblem p = problem(group, fabric, fit.weights);
+    ++result_.fit.evaluations;
+    return p.cost(p.scaled(fabric));
+  }
+
+  int most_points_of(const Group& group) const {
+    int points = 1;
+    for (const std::string& row : group.rows)
+      if (may_be_curve(fabric_, row)) points = std::max(points, fabric_.value_count(row));
+    return points;
   }
 
   bool pays(double before, double after) const {
@@ -570,6 +612,7 @@ class CurveFitter {
   const CurveFitOptions& options_;
   const CurveFitObserver& observer_;
   CurveFitResult result_;
+  double shear_cost_ = 0;  ///< where its first pass ended
   bool stopped_ = false;
 };
 
