@@ -21,8 +21,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::array<double, 5> kFactors{1, 10, 0.1, 100, 0.01};
 constexpr double kNoWeight = 1e-9;  // of a control value in a band
 constexpr double kBeyond = 1.1;     // of a curve's last knot: strains beyond it count
-/// Bends that were found after the shear have changed its cost by this part of it.
-constexpr double kBendsMatter = 0.1;
+/// Bends that were found after the shear have changed the least of its cost by this part of it.
+constexpr double kBendsMatter = 0.05;
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 using Tests = std::vector<IsolatedStrain>;
@@ -365,7 +365,7 @@ class CurveFitter {
     fabric_ = found.fabric;
     if (options_.shape != CurveShape::subdivided) return;
     if (pass > 1) {
-      const bool other_bends = std::abs(found.cost_start / shear_cost_ - 1) > kBendsMatter;
+      const bool other_bends = std::abs(found.cost / shear_cost_ - 1) > kBendsMatter;
       if (is_shear(group) && other_bends && !stopped_) subdivide_anew(group, pass, found, shapes);
       return;
     }
