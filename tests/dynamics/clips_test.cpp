@@ -44,6 +44,13 @@ std::vector<Clip> ends(double pull) {
   return {left, right};
 }
 
+/// Pulled by 4 mm, one of them turned.
+std::vector<Clip> turned_ends() {
+  std::vector<Clip> clips = ends(0.004);
+  clips[1].rotation = Eigen::AngleAxisd(0.3, Vec3(1, 1, 0).normalized());
+  return clips;
+}
+
 /// The same clips, carried along by a rigid motion.
 std::vector<Clip> moved(std::vector<Clip> clips, const Eigen::Quaterniond& turn, const Vec3& by) {
   for (Clip& clip : clips) {
@@ -153,8 +160,7 @@ ClipEquilibrium twisted_strip(const Fabric& fabric, const Points& start,
                               StaticOptions::Start kind) {
   const TriangleMesh mesh = strip_mesh();
   const auto model = make_elastic_model(mesh, fabric, 0.4);
-  std::vector<Clip> clips = ends(0.004);
-  clips[1].rotation = Eigen::AngleAxisd(0.3, Vec3(1, 1, 0).normalized());
+  const std::vector<Clip> clips = turned_ends();
   StaticOptions options;
   options.start = kind;
   return solve_clips(HeavyCloth(*model, 0.3, kDown), clips, start, options);
@@ -197,8 +203,7 @@ TEST(ClipSensitivities, AgreeWithDifferences) {
   const TriangleMesh mesh = strip_mesh();
   const Fabric fabric = stvk(50, 0.3, 1e-5);
   const auto model = make_elastic_model(mesh, fabric, 0.4);
-  std::vector<Clip> clips = ends(0.004);
-  clips[1].rotation = Eigen::AngleAxisd(0.3, Vec3(1, 1, 0).normalized());
+  const std::vector<Clip> clips = turned_ends();
   StaticOptions tight;
   tight.force_tolerance = 1e-11;
   const Points start = blend_of_clips(mesh.material, clips);
@@ -231,8 +236,7 @@ TEST(ClipPoseSensitivities, AgreeWithDifferences) {
   const TriangleMesh mesh = strip_mesh();
   const auto model = make_elastic_model(mesh, stvk(50, 0.3, 1e-5), 0.4);
   const HeavyCloth cloth(*model, 0.3, kDown);
-  std::vector<Clip> clips = ends(0.004);
-  clips[1].rotation = Eigen::AngleAxisd(0.3, Vec3(1, 1, 0).normalized());
+  const std::vector<Clip> clips = turned_ends();
   StaticOptions tight;
   tight.force_tolerance = 1e-11;
   const Points start = solve_clips(cloth, clips, blend_of_clips(mesh.material, clips), tight).x;

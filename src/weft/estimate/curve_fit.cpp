@@ -139,7 +139,6 @@ class CurveFitter {
     std::string name;
     std::vector<std::string> rows;
     Trials trials;
-    MechanicalForces forces = MechanicalForces::all;
   };
 
   // The start.
@@ -228,18 +227,22 @@ class CurveFitter {
     return found;
   }
 
-  Group everything() const { return {"all", rows_, trials_, MechanicalForces::all}; }
+  Group everything() const { return {"all", rows_, trials_}; }
   static bool is_shear(const Group& group) { return group.name == "shear"; }
+  /// Those along the clips are of the shear alone.
+  MechanicalForces forces_of(const Group& group) const {
+    return is_shear(group) && longer_.empty() ? MechanicalForces::along_clips
+                                              : MechanicalForces::all;
+  }
 
   std::vector<Group> groups() const {
     std::vector<Group> result;
     for (const StepInfo& step : steps()) {
-      Group group{std::string(step.name), {}, {}, MechanicalForces::all};
+      Group group{std::string(step.name), {}, {}};
       for (const std::string& row : rows_)
         if (step_of(row)->step == step.step) group.rows.push_back(row);
       if (group.rows.empty()) continue;
       group.trials = trials_for(group.rows.front());
-      if (step.step == Step::shear && longer_.empty()) group.forces = MechanicalForces::along_clips;
       if (step.step == Step::coupling)  // found with what it is coupled to
         for (const std::string& row : rows_)
           if (step_of(row)->step == Step::weft_stretch || step_of(row)->step == Step::warp_stretch)
@@ -280,7 +283,7 @@ class CurveFitter {
   MechanicalProblem problem(const Group& group, const Fabric& fabric,
                             const ForceWeights& weights = {}) const {
     MechanicalCostOptions cost = options_.cost;
-    cost.forces = group.forces;
+    cost.forces = forces_of(group);
     const std::vector<std::string> searched = searched_rows(group);
     for (const ParameterTie& tie : tied_) {
       if (std::find(searched.begin(), searched.end(), tie.leader) == searched.end()) continue;
@@ -357,35 +360,24 @@ class CurveFitter {
   void fit_group(const Group& group, int pass) {
     const int points = most_points_of(group);
     Shapes shapes(group);
-    const MechanicalFitResult found = stage(group, fabric_, pass, points, shapes.here);
+    MechanicalFitResult found = stage(group, fabric_, pass, points, shapes.here);
     if (options_.order == FitOrder::incremental && points == 1 && left_at_start(group, found)) {
       result_.stages.back().kept = false;
       return;
     }
     fabric_ = found.fabric;
-    if (options_.shape != CurveShape::subdivided) return;
+    if (options_.shape != CurveShape::subdivided || stopped_) return;
     if (pass > 1) {
-      const bool other_bends = std::abs(found.cost / shear_cost_ - 1) > kBendsMatter;
-      if (is_shear(group) && other_bends && !stopped_) subdivide_anew(group, pass, found, shapes);
+      if (is_shear(group) && std::abs(found.cost / shear_cost_ - 1) > kBendsMatter)
+        subdivide_anew(group, pass, found, shapes);
       return;
     }
-    if (options_.order == FitOrder::incremental && is_shear(group) && !stopped_ &&
-        lengthen_stretch(group, shapes.here)) {
-      Group longer = group;
-      longer.forces = MechanicalForces::all;
-      const MechanicalFitResult again = stage(longer, fabric_, pass, points, shapes.here);
-      fabric_ = again.fabric;
-      subdivide(longer, again, shapes, pass);
-    } else {
-      subdivide(group, found, shapes, pass);
+    if (is_shear(group) && lengthen_stretch(group, shapes.here)) {
+      found = stage(group, fabric_, pass, points, shapes.here);
+      fabric_ = found.fabric;
     }
-    if (is_shear(group)) shear_cost_ = result_.stages[last_kept()].cost;
-  }
-
-  std::size_t last_kept() const {
-    std::size_t i = result_.stages.size() - 1;
-    while (i > 0 && !result_.stages[i].kept) --i;
-    return i;
+    found = subdivide(group, std::move(found), shapes, pass);
+    if (is_shear(group)) shear_cost_ = found.cost;
   }
 
   /// Threads that are sheared between stiff bars may be stretched beyond what the tests of stretch
@@ -406,8 +398,7 @@ class CurveFitter {
       knots << curve.knots(), reached;
       const double slope = (curve.values()[n - 1] - curve.values()[n - 2]) /
                            (curve.knots()[n - 1] - curve.knots()[n - 2]);
-      values << curve.values(),
-          std::max(curve.values()[n - 1], curve.values()[n - 1] + slope * (reached - end));
+      values << curve.values(), curve.values()[n - 1] + std::max(0.0, slope) * (reached - end);
       fabric_.set_curve(row, StiffnessCurve(knots, values));
       for (const ParameterTie& tie : tied_)
         if (tie.leader == row) copy_to_follower(tie, fabric_);
@@ -460,19 +451,21 @@ class CurveFitter {
   }
 
   /// One more control point each, as long as it pays: with the weights of the fit without it, for
-  /// costs of different weights say nothing of each other.
-  void subdivide(const Group& group, MechanicalFitResult kept, Shapes& shapes, int pass) {
+  /// costs of different weights say nothing of each other. Returns the last that did.
+  MechanicalFitResult subdivide(const Group& group, MechanicalFitResult kept, Shapes& shapes,
+                                int pass) {
     for (int points = 2; points <= options_.most_points && !stopped_; ++points) {
       Fabric finer = fabric_;
-      if (!place_points(group, points, shapes.here, finer)) return;
+      if (!place_points(group, points, shapes.here, finer)) break;
       MechanicalFitResult found = stage(group, finer, pass, points, shapes.here, kept.weights);
       const std::size_t place = result_.stages.size() - 1;
       result_.stages[place].kept = pays(kept.cost, found.cost_first) &&
                                    pays_on_finer_cells(group, place, kept, found, shapes.finer);
-      if (!result_.stages[place].kept) return;
+      if (!result_.stages[place].kept) break;
       fabric_ = found.fabric;
       kept = std::move(found);
     }
+    return kept;
   }
 
   /// The shear once more from a constant: it depends on the bends, which come after it, and may
@@ -494,8 +487,11 @@ class CurveFitter {
   /// With the weights of `fit`.
   double cost_of(const Group& group, const Fabric& fabric, const MechanicalFitResult& fit) {
     const MechanicalProblem p = problem(group, fabric, fit.weights);
+    const std::size_t before = p.replayed();
+    const double cost = p.cost(p.scaled(fabric));
     ++result_.fit.evaluations;
-    return p.cost(p.scaled(fabric));
+    result_.fit.replayed += p.replayed() - before;
+    return cost;
   }
 
   int most_points_of(const Group& group) const {

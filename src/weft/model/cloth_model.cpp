@@ -124,15 +124,8 @@ detail::MembraneStrains<Lanes> strains_of(const TriangleGroup& group, const Poin
 }
 
 template <class Stencil>
-std::array<Vector3<Lanes>, 6> positions(const StencilGroup<Stencil>& group, const Points& x) {
-  std::array<Vector3<Lanes>, 6> out;
-  for (std::size_t i = 0; i < 6; ++i) out[i] = gather(x.data(), group.vertices[i]);
-  return out;
-}
-
-template <class Stencil>
 StencilCurvature<Lanes, Stencil> curvature_of(const StencilGroup<Stencil>& group, const Points& x) {
-  return stencil_curvature(group.map, positions(group, x));
+  return stencil_curvature(group.map, gather(x.data(), group.vertices));
 }
 
 /// Something of each of the two diagonals.
@@ -215,7 +208,7 @@ template <class Stencil>
 std::array<Lanes, 3> curvature_rates(const StencilGroup<Stencil>& group,
                                      const StencilCurvature<Lanes, Stencil>& curvature,
                                      const Points& v) {
-  const auto velocity = positions(group, v);
+  const auto velocity = gather(v.data(), group.vertices);
   std::array<Lanes, Stencil::hinges> angle_rate;
   for (std::size_t j = 0; j < Stencil::hinges; ++j) {
     const auto g = curvature.angles[j].gradient();
@@ -493,10 +486,7 @@ void ClothModel::Impl::add_bending(const Coefficients& k, const Points& x,
     for (std::size_t j = 0; j < 3; ++j) rank_one[j] = group.areas[j] * stiffness[j]->total();
     auto h = curvature_gauss_newton(group.map, curvature, rank_one);
     if (kind == HessianKind::exact) add_curvature_hessian(group.map, curvature, moment, h);
-    for (std::size_t v = 0; v < 6; ++v) writer.add(h.diagonal[v], group.vertices[v]);
-    for (std::size_t b = 0; b < 15; ++b)
-      writer.add(h.lower[b], group.slots[b], group.vertices[detail::kPairs[b][0]],
-                 group.vertices[detail::kPairs[b][1]]);
+    writer.add(h, group.vertices, group.slots);
   });
 }
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "weft/model/block_pattern.h"
-#include "weft/strain/lanes.h"
+#include "weft/strain/triangle_curvature.h"
 
 namespace weft::detail {
 
@@ -21,6 +21,15 @@ inline Vector3<Lanes> gather(const double* points, const LaneIndices& vertices) 
     out.y[lane] = p[1];
     out.z[lane] = p[2];
   }
+  return out;
+}
+
+/// For all vertices of a group.
+template <std::size_t kVertices>
+std::array<Vector3<Lanes>, kVertices> gather(const double* points,
+                                             const std::array<LaneIndices, kVertices>& vertices) {
+  std::array<Vector3<Lanes>, kVertices> out;
+  for (std::size_t i = 0; i < kVertices; ++i) out[i] = gather(points, vertices[i]);
   return out;
 }
 
@@ -84,6 +93,14 @@ class BlockWriter {
         c2[r] += m[r * row + 2 * column][lane];
       }
     }
+  }
+
+  /// All blocks of a group of bending elements.
+  void add(const CurvatureHessian<Lanes>& hessian, const std::array<LaneIndices, 6>& vertices,
+           const std::array<LaneIndices, kPairs.size()>& slots) {
+    for (std::size_t i = 0; i < vertices.size(); ++i) add(hessian.diagonal[i], vertices[i]);
+    for (std::size_t k = 0; k < slots.size(); ++k)
+      add(hessian.lower[k], slots[k], vertices[kPairs[k][0]], vertices[kPairs[k][1]]);
   }
 
  private:

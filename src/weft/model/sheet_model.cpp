@@ -116,12 +116,6 @@ std::array<Vector3<double>, 6> positions(const std::array<int, 6>& vertices, con
   return out;
 }
 
-std::array<Vector3<Lanes>, 6> positions(const BendingGroup& group, const Points& x) {
-  std::array<Vector3<Lanes>, 6> out;
-  for (std::size_t i = 0; i < 6; ++i) out[i] = gather(x.data(), group.vertices[i]);
-  return out;
-}
-
 Vec3 vector(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
 std::array<double, 3> array(const Vec3& a) { return {a[0], a[1], a[2]}; }
 
@@ -316,7 +310,7 @@ double SheetModel::energy(const Points& x) const {
   for (std::size_t t = 0; t < triangles_.size(); ++t)
     sum += triangles_[t].shape.area * membrane(t, membrane_strain(t, x)).energy;
   for_each_group([&](const BendingGroup& group, std::size_t first) {
-    const auto c = stencil_curvature(group.map, positions(group, x));
+    const auto c = stencil_curvature(group.map, gather(x.data(), group.vertices));
     const auto bent = bend(group, first, c);
     for (std::size_t lane = 0; lane < at(group.count); ++lane)
       sum += plates_[first + lane].area * bent[lane].response.energy;
@@ -372,7 +366,7 @@ void SheetModel::gradient(const Points& x, Points& gradient) const {
     add_gradient(triangles_[t], w * stress_matrix(membrane(t, green_strain(w)).stress), gradient);
   }
   for_each_group([&](const BendingGroup& group, std::size_t first) {
-    const auto c = stencil_curvature(group.map, positions(group, x));
+    const auto c = stencil_curvature(group.map, gather(x.data(), group.vertices));
     const auto moment = moments(group, bend(group, first, c));
     scatter_add(curvature_gradient(group.map, c, moment), group.vertices, gradient.data());
   });
@@ -419,16 +413,13 @@ void SheetModel::add_membrane(std::size_t index, const Points& x, HessianKind ki
 
 void SheetModel::add_bending(const BendingGroup& group, std::size_t first, const Points& x,
                              HessianKind kind, Points& gradient, BlockWriter& writer) const {
-  const auto c = stencil_curvature(group.map, positions(group, x));
+  const auto c = stencil_curvature(group.map, gather(x.data(), group.vertices));
   const auto bent = bend(group, first, c);
   const auto moment = moments(group, bent);
   scatter_add(curvature_gradient(group.map, c, moment), group.vertices, gradient.data());
   auto h = curvature_gauss_newton(group.map, c, stiffnesses(group, bent, kind));
   if (kind == HessianKind::exact) add_curvature_hessian(group.map, c, moment, h);
-  for (std::size_t v = 0; v < 6; ++v) writer.add(h.diagonal[v], group.vertices[v]);
-  for (std::size_t b = 0; b < kPairs.size(); ++b)
-    writer.add(h.lower[b], group.slots[b], group.vertices[kPairs[b][0]],
-               group.vertices[kPairs[b][1]]);
+  writer.add(h, group.vertices, group.slots);
 }
 
 void SheetModel::parameter_derivative(const Points& x, MatX& derivative) const {
