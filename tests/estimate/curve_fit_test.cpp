@@ -276,6 +276,40 @@ TEST(FitCurves, ADiagonalBendThatIsNotDeterminedStaysAsItBegins) {
   EXPECT_NEAR(part("weft_bend"), 1.0 / 3, 0.03);
 }
 
+// Far from the end an evaluation on half the cells says as much as one on all of them, and costs a
+// quarter. What is found on all of them does not depend on where that search began.
+TEST(FitCurves, BeginsOnHalfTheCells) {
+  const test::TemporaryFolder folder;
+  const Fabric truth = nonlinear_fabric();
+  MechanicalOptions mesh;
+  mesh.cells = 16;
+  const auto capture =
+      make_rig_capture(folder.path() / "stretch", RigTest::weft_stretch, truth, small_rig());
+  const Trials trials{prepare_mechanical(capture, mesh)};
+  Fabric start = truth;
+  start.set_curve("weft_stretch", StiffnessCurve(5000));
+  CurveFitOptions options;
+  options.passes = 1;
+  const CurveFitResult found = fit_curves(trials, start, {"weft_stretch"}, options);
+  options.first_cells = FirstCells::as_given;
+  const CurveFitResult straight = fit_curves(trials, start, {"weft_stretch"}, options);
+  ASSERT_EQ(found.stages.size(), 2u);
+  ASSERT_EQ(straight.stages.size(), 1u);
+  EXPECT_EQ(found.stages[0].name, "weft_stretch, half the cells");
+  EXPECT_EQ(found.stages[1].name, "weft_stretch");
+  EXPECT_LT(2 * found.stages[1].evaluations, straight.stages[0].evaluations);
+  EXPECT_LT(found.stages[1].cost_start, 1e-3 * straight.stages[0].cost_start);
+  // Each search ends with a step below 1e-5 of the range, which spans seven decades.
+  const double value = straight.fit.fabric.value("weft_stretch");
+  EXPECT_NEAR(found.fit.fabric.value("weft_stretch"), value, 1e-3 * value);
+
+  mesh.cells = 15;  // half of them would be few
+  options.first_cells = FirstCells::halved;
+  EXPECT_EQ(
+      fit_curves({prepare_mechanical(capture, mesh)}, start, {"weft_stretch"}, options).stages.size(),
+      1u);
+}
+
 TEST(FitCurves, RefusesWhatMeansNothing) {
   const test::TemporaryFolder folder;
   const Fabric fabric = nonlinear_fabric();

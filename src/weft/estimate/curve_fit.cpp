@@ -23,6 +23,7 @@ constexpr double kNoWeight = 1e-9;  // of a control value in a band
 constexpr double kBeyond = 1.1;     // of a curve's last knot: strains beyond it count
 /// Bends that were found after the shear have changed the least of its cost by this part of it.
 constexpr double kBendsMatter = 0.05;
+constexpr int kFewestCells = 8;  // along a side, to begin with
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 using Tests = std::vector<IsolatedStrain>;
@@ -134,11 +135,13 @@ class CurveFitter {
   }
 
  private:
+  enum class Cells { all, half };  ///< of the trials that were given
   /// What is fitted together.
   struct Group {
     std::string name;
     std::vector<std::string> rows;
     Trials trials;
+    Cells cells = Cells::all;
   };
 
   // The start.
@@ -227,7 +230,7 @@ class CurveFitter {
     return found;
   }
 
-  Group everything() const { return {"all", rows_, trials_}; }
+  Group everything() const { return {"all", rows_, trials_, Cells::all}; }
   static bool is_shear(const Group& group) { return group.name == "shear"; }
   /// Those along the clips are of the shear alone.
   MechanicalForces forces_of(const Group& group) const {
@@ -238,7 +241,7 @@ class CurveFitter {
   std::vector<Group> groups() const {
     std::vector<Group> result;
     for (const StepInfo& step : steps()) {
-      Group group{std::string(step.name), {}, {}};
+      Group group{std::string(step.name), {}, {}, Cells::all};
       for (const std::string& row : rows_)
         if (step_of(row)->step == step.step) group.rows.push_back(row);
       if (group.rows.empty()) continue;
@@ -338,7 +341,8 @@ class CurveFitter {
   MechanicalFitResult stage(const Group& group, const Fabric& from, int pass, int points,
                             MechanicalShapes& near, const ForceWeights& weights = {}) {
     const std::string name =
-        points > 1 ? fmt::format("{}, {} points", group.name, points) : group.name;
+        (points > 1 ? fmt::format("{}, {} points", group.name, points) : group.name) +
+        (group.cells == Cells::half ? ", half the cells" : "");
     MechanicalFitResult found = fit(group, from, name, weights, near);
     result_.stages.push_back({.name = name,
                               .pass = pass,
@@ -357,12 +361,34 @@ class CurveFitter {
     return found;
   }
 
+  /// From the start to near the estimate, on half as many cells. What that finds is a start, no
+  /// more: where it finds nothing, or an end of a range, the group begins where it would have.
+  void begin_on_half_the_cells(Group group, int points) {
+    for (auto& trial : group.trials) {
+      if (trial->options.cells / 2 < kFewestCells) return;
+      trial = coarsened(*trial);
+    }
+    group.cells = Cells::half;
+    MechanicalShapes shapes(group.name + "-half");
+    try {
+      const MechanicalFitResult found = stage(group, fabric_, 1, points, shapes);
+      result_.stages.back().kept = !left_at_start(group, found);
+      if (result_.stages.back().kept) fabric_ = found.fabric;
+    } catch (const MechanicalStartError&) {
+    }
+  }
+
   void fit_group(const Group& group, int pass) {
     const int points = most_points_of(group);
+    const Fabric before = fabric_;
+    if (pass == 1 && options_.first_cells == FirstCells::halved)
+      begin_on_half_the_cells(group, points);
+    if (stopped_) return;
     Shapes shapes(group);
     MechanicalFitResult found = stage(group, fabric_, pass, points, shapes.here);
     if (options_.order == FitOrder::incremental && points == 1 && left_at_start(group, found)) {
       result_.stages.back().kept = false;
+      fabric_ = before;
       return;
     }
     fabric_ = found.fabric;
@@ -684,6 +710,7 @@ std::string fit_fingerprint(const Trials& trials, const Fabric& start,
   hash.add(options.most_points);
   hash.add(options.least_reduction);
   hash.add(options.passes);
+  hash.add(options.first_cells);
   return hash.hex();
 }
 

@@ -35,6 +35,13 @@ enum class ThreadSymmetry {
   isotropic  ///< warp has the values of weft, in stretch and bend
 };
 
+/// Where the first fit of a component begins: far from its end an evaluation on fine cells is slow
+/// and says no more than one on coarse cells.
+enum class FirstCells {
+  halved,   ///< on half as many cells along a side, where these are 8 or more, then on all of them
+  as_given  ///< on those of the trials
+};
+
 /// The strain that a test exercises most.
 enum class IsolatedStrain { weft_stretch, warp_stretch, shear, weft_bend, warp_bend };
 std::string_view name_of(IsolatedStrain strain);
@@ -53,6 +60,7 @@ struct CurveFitOptions {
   /// estimate: what pays on the cells of the fit alone follows their error.
   double least_reduction = 0.01;
   int passes = 2;              ///< of the incremental order, >= 1
+  FirstCells first_cells = FirstCells::halved;
   MechanicalCostOptions cost;  ///< without ties; `forces` is chosen by the order
   MechanicalFitOptions fit;
   int threads = 0;
@@ -62,7 +70,7 @@ struct CurveFitOptions {
 
 /// One least-squares fit on the way.
 struct CurveFitStage {
-  std::string name;  ///< "shear", "weft_bend, 3 points", "all"
+  std::string name;  ///< "shear", "weft_bend, 3 points", "shear, half the cells", "all"
   int pass = 1;
   int points = 1;  ///< control points of its curve
   /// False: one control point more than pays, or, in the incremental order, a constant that ran off

@@ -364,6 +364,12 @@ std::shared_ptr<const MechanicalTrial> refined(const MechanicalTrial& trial) {
   return prepare(trial.capture, trial.geometry, options);
 }
 
+std::shared_ptr<const MechanicalTrial> coarsened(const MechanicalTrial& trial) {
+  MechanicalOptions options = trial.options;
+  options.cells /= 2;
+  return prepare(trial.capture, trial.geometry, options);
+}
+
 MechanicalFrames simulate_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
     MechanicalDerivatives derivatives, int threads, const MechanicalFrames* near) {
