@@ -305,9 +305,9 @@ TEST(FitCurves, BeginsOnHalfTheCells) {
 
   mesh.cells = 15;  // half of them would be few
   options.first_cells = FirstCells::halved;
-  EXPECT_EQ(
-      fit_curves({prepare_mechanical(capture, mesh)}, start, {"weft_stretch"}, options).stages.size(),
-      1u);
+  EXPECT_EQ(fit_curves({prepare_mechanical(capture, mesh)}, start, {"weft_stretch"}, options)
+                .stages.size(),
+            1u);
 }
 
 TEST(FitCurves, RefusesWhatMeansNothing) {

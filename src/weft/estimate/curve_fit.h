@@ -59,7 +59,7 @@ struct CurveFitOptions {
   /// it must bring as much on cells of half the width, in the least cost to second order about the
   /// estimate: what pays on the cells of the fit alone follows their error.
   double least_reduction = 0.01;
-  int passes = 2;              ///< of the incremental order, >= 1
+  int passes = 2;  ///< of the incremental order, >= 1
   FirstCells first_cells = FirstCells::halved;
   MechanicalCostOptions cost;  ///< without ties; `forces` is chosen by the order
   MechanicalFitOptions fit;
