@@ -119,10 +119,12 @@ class CurveFitter {
     const std::vector<MechanicalFitStep> history = std::move(result.fit.history);
     const std::size_t evaluations = result.fit.evaluations, replayed = result.fit.replayed;
     const Group all = everything();
-    result.fit = assess_mechanical(problem(all, fabric_), fabric_, options_.fit);
+    MechanicalShapes shapes;
+    result.fit = assess_mechanical(problem(all, fabric_), fabric_, options_.fit, &shapes);
     const MechanicalProblem at_start = problem(all, start, result.fit.weights);
     const std::size_t before = at_start.replayed();
-    result.fit.cost_start = at_start.cost(at_start.scaled(start));
+    shapes = at_start.as_starts(shapes, "start");
+    result.fit.cost_start = at_start.cost(at_start.scaled(start), nullptr, &shapes);
     result.fit.start = start;
     result.fit.history = history;
     result.fit.evaluations += evaluations + 1;
@@ -486,7 +488,7 @@ class CurveFitter {
       MechanicalFitResult found = stage(group, finer, pass, points, shapes.here, kept.weights);
       const std::size_t place = result_.stages.size() - 1;
       result_.stages[place].kept = pays(kept.cost, found.cost_first) &&
-                                   pays_on_finer_cells(group, place, kept, found, shapes.finer);
+                                   pays_on_finer_cells(group, place, kept, found, shapes);
       if (!result_.stages[place].kept) break;
       fabric_ = found.fabric;
       kept = std::move(found);
@@ -534,25 +536,26 @@ class CurveFitter {
   /// Of the stage at `place`, which ended at `found`, against the one before, at `kept`. Where it
   /// cannot be told the cells of the fit decide.
   bool pays_on_finer_cells(const Group& group, std::size_t place, const MechanicalFitResult& kept,
-                           const MechanicalFitResult& found, MechanicalShapes& near) {
+                           const MechanicalFitResult& found, Shapes& shapes) {
     if (options_.fit.mesh_error == MeshError::left_out || stopped_) return true;
     double& before = result_.stages[place - 1].finer_cost;
     double& after = result_.stages[place].finer_cost;
     if (std::isnan(before) || !kept.weights.empty())
-      before = cost_on_finer_cells(group, kept.fabric, kept.weights, near);
+      before = cost_on_finer_cells(group, kept.fabric, kept.weights, shapes);
     if (std::isnan(before)) return true;
-    after = cost_on_finer_cells(group, found.fabric, kept.weights, near);
+    after = cost_on_finer_cells(group, found.fabric, kept.weights, shapes);
     return std::isnan(after) || pays(before, after);
   }
 
   /// The least that the rows of `group` reach there, to second order about `estimate`.
   double cost_on_finer_cells(const Group& group, const Fabric& estimate,
-                             const ForceWeights& weights, MechanicalShapes& near) {
+                             const ForceWeights& weights, Shapes& shapes) {
     const double unknown = std::numeric_limits<double>::quiet_NaN();
     const MechanicalProblem here = problem(group, estimate, weights);
     const VecX scaled = here.scaled(estimate);
     const std::size_t before = here.replayed();
-    const auto finer = linearize_refined(here, scaled, nullptr, &near);
+    if (shapes.finer.empty()) shapes.finer = here.as_starts(shapes.here, group.name + "-finer");
+    const auto finer = linearize_refined(here, scaled, nullptr, &shapes.finer);
     if (!finer) return unknown;  // more cells than may be
     ++result_.fit.evaluations;
     result_.fit.replayed += here.replayed() - before;

@@ -500,10 +500,31 @@ MechanicalProblem::Linearization MechanicalProblem::linearize(const VecX& scaled
   return from_numbers(numbers, dimension(), static_cast<Eigen::Index>(friction_.size()));
 }
 
+struct MechanicalShapes::Source {
+  MechanicalShapes shapes;
+  std::vector<std::shared_ptr<const MechanicalTrial>> trials;
+};
+
+MechanicalShapes MechanicalProblem::as_starts(const MechanicalShapes& shapes,
+                                              std::string chain) const {
+  MechanicalShapes starts(std::move(chain));
+  if (shapes.empty()) return starts;
+  if (!shapes.evaluation_.empty()) starts.evaluation_ = "from " + shapes.evaluation_;
+  starts.source_ = std::make_shared<MechanicalShapes::Source>(shapes, trials_);
+  return starts;
+}
+
 std::shared_ptr<const MechanicalFrames> MechanicalProblem::frames(
     const MechanicalShapes& near) const {
-  if (near.frames_ || near.evaluation_.empty()) return near.frames_;
-  return std::make_shared<MechanicalFrames>(store_->shapes(near.chain_, near.evaluation_, trials_));
+  const auto of = [&](const MechanicalShapes& shapes, const auto& trials) {
+    if (shapes.frames_ || shapes.evaluation_.empty()) return shapes.frames_;
+    return std::shared_ptr<const MechanicalFrames>(std::make_shared<MechanicalFrames>(
+        store_->shapes(shapes.chain_, shapes.evaluation_, trials)));
+  };
+  if (!near.source_) return of(near, trials_);
+  const auto& source = *near.source_;
+  return std::make_shared<MechanicalFrames>(
+      starts_between(source.trials, *of(source.shapes, source.trials), trials_));
 }
 
 VecX MechanicalProblem::ask(Question question, const VecX& scaled, MechanicalShapes* near,
@@ -608,8 +629,8 @@ class WithFriction {
     found.model.gradient += found.model.hessian * (scaled - there);
     return found;
   }
-  Linearization linearize(const VecX& scaled) const {
-    return model_of_all(scaled, problem_.linearize(scaled.head(problem_.dimension())));
+  Linearization linearize(const VecX& scaled, MechanicalShapes* near) const {
+    return model_of_all(scaled, problem_.linearize(scaled.head(problem_.dimension()), near));
   }
 
  private:
@@ -640,13 +661,17 @@ void add_friction_intervals(const MechanicalProblem& problem, const VecX& fricti
   }
 }
 
+/// `shapes`: those of `found`.
 void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
-                   const MechanicalProblem::Linearization& found,
+                   const MechanicalProblem::Linearization& found, const MechanicalShapes& shapes,
                    const MechanicalFitOptions& options, MechanicalFitResult& result) {
   const WithFriction joint(problem);
   const VecX x = joint.scaled(scaled, found.friction);
   const MechanicalProblem::Linearization all = joint.model_of_all(x, found);
-  if (options.mesh_error == MeshError::included) result.mesh = find_mesh_shift(joint, x, all);
+  if (options.mesh_error == MeshError::included) {
+    MechanicalShapes starts = problem.as_starts(shapes, "end-finer");
+    result.mesh = find_mesh_shift(joint, x, all, &starts);
+  }
   const VecX mesh_halves = mesh_half_widths(result.mesh.shift);
   const Eigen::Index n = problem.dimension();
   if (result.mesh.shift.size() > 0) result.mesh.shift.conservativeResize(n);
@@ -806,14 +831,15 @@ class FitSearch {
                       : found.end;
     const Replays replays(problem_);
     // A fit that was stopped goes on from the shapes that are in the store now.
-    const MechanicalProblem::Linearization at_end =
-        problem_.linearize(found.x, near_ && !stopped_ ? &shapes_ : nullptr);
+    MechanicalShapes anew("end");
+    MechanicalShapes& shapes = near_ && !stopped_ ? shapes_ : anew;
+    const MechanicalProblem::Linearization at_end = problem_.linearize(found.x, &shapes);
     if (near_) *near_ = shapes_;
     ++result_.evaluations;
     result_.replayed += replays.since();
     result_.inexact = at_end.inexact;
     result_.weights = problem_.weights();
-    add_intervals(problem_, found.x, at_end, options_, result_);
+    add_intervals(problem_, found.x, at_end, shapes, options_, result_);
   }
 
   MechanicalProblem problem_;
@@ -835,22 +861,25 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
 }
 
 MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,
-                                      const MechanicalFitOptions& options) {
+                                      const MechanicalFitOptions& options,
+                                      MechanicalShapes* shapes) {
   const auto begin = std::chrono::steady_clock::now();
   MechanicalFitResult result;
+  MechanicalShapes here("end");
   MechanicalProblem weighed = problem;
   const VecX x = problem.scaled(fabric);
   result.start = result.fabric = problem.fabric(x);
-  if (weighed.weights().empty()) weighed.weigh_by(weighed.force_weights(x));
+  if (weighed.weights().empty()) weighed.weigh_by(weighed.force_weights(x, &here));
   const Replays replays(problem);
-  const MechanicalProblem::Linearization found = weighed.linearize(x);
+  const MechanicalProblem::Linearization found = weighed.linearize(x, &here);
   result.replayed = replays.since();
   result.cost_start = result.cost_first = result.cost = found.model.cost;
   result.evaluations = 1;
   result.end = LeastSquaresEnd::small_step;
   result.inexact = found.inexact;
   result.weights = weighed.weights();
-  add_intervals(weighed, x, found, options, result);
+  add_intervals(weighed, x, found, here, options, result);
+  if (shapes) *shapes = here;
   result.wall_s = seconds_since(begin);
   return result;
 }

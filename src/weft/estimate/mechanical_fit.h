@@ -73,12 +73,17 @@ class MechanicalShapes {
   /// `chain`: a word; in a store they make room for later ones of their chain only.
   explicit MechanicalShapes(std::string chain) : chain_(std::move(chain)) {}
   MechanicalShapes() : MechanicalShapes("fit") {}
+  /// Whether there is nothing to start from.
+  bool empty() const { return evaluation_.empty() && !frames_ && !source_; }
 
  private:
   friend class MechanicalProblem;
   std::string chain_;
   std::string evaluation_;  ///< its key in the store; empty without one
   std::shared_ptr<const MechanicalFrames> frames_;
+  /// Of starts that are no equilibria: where those are that they are made of.
+  struct Source;
+  std::shared_ptr<const Source> source_;
 };
 
 /// Sum over frames of squared differences, each divided by its noise; the cost is its mean over the
@@ -141,6 +146,9 @@ class MechanicalProblem {
   Linearization linearize(const VecX& scaled, MechanicalShapes* near = nullptr) const;
   /// Those that evaluations starting `near` would start from; null for none.
   std::shared_ptr<const MechanicalFrames> frames(const MechanicalShapes& near) const;
+  /// The equilibria in `shapes` as starts for the same captures on other cells, or for a fabric far
+  /// from theirs: nearer than the measured shapes, but no equilibria there. None for none.
+  MechanicalShapes as_starts(const MechanicalShapes& shapes, std::string chain) const;
 
   /// A hash of all that decides cost and derivatives: captures, meshes, fabric, parameters,
   /// options.
@@ -278,15 +286,17 @@ class MechanicalStartError : public Error {
 /// of squares by less than 0.1, eight at most. Where no weights can be had the search ends.
 ///
 /// `near`: equilibria to start from, where there are any; those of the end, after. Without it the
-/// end is looked at from the start that simulate_mechanical() has by itself.
+/// end is looked at from the start that simulate_mechanical() has by itself. Cells of half the
+/// width start from the shapes on those of the fit.
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options = {},
                                    const MechanicalFitObserver& observer = {},
                                    MechanicalShapes* near = nullptr);
 
 /// No search: cost and intervals at `fabric`, as if a fit had ended there; weighed as the problem
-/// is, or as at `fabric`.
+/// is, or as at `fabric`. `shapes`: where to leave the equilibria.
 MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,
-                                      const MechanicalFitOptions& options = {});
+                                      const MechanicalFitOptions& options = {},
+                                      MechanicalShapes* shapes = nullptr);
 
 }  // namespace weft

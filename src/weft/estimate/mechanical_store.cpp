@@ -53,6 +53,7 @@ MechanicalFrames MechanicalStore::shapes(
       const int stage = trial->stage_of_frame[static_cast<std::size_t>(k)];
       MechanicalFrame& frame = own.emplace_back();
       frame.frame = k;
+      frame.converged = true;
       frame.x =
           reader.matrix(3, trial->stages[static_cast<std::size_t>(stage)].mesh.vertex_count());
     }

@@ -33,7 +33,8 @@ class MechanicalStore {
   /// To be added before the evaluation's numbers. `chain`: a word.
   void add_shapes(std::string_view chain, std::string_view evaluation,
                   const MechanicalFrames& frames);
-  /// Number and shape of each frame, nothing else. Throws Error if they are not there.
+  /// Number and shape of each frame, of an equilibrium, nothing else. Throws Error if they are not
+  /// there.
   MechanicalFrames shapes(std::string_view chain, std::string_view evaluation,
                           const std::vector<std::shared_ptr<const MechanicalTrial>>& trials) const;
   void remove_shapes_but(std::string_view chain, std::string_view evaluation);

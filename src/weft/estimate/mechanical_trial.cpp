@@ -380,20 +380,41 @@ MechanicalFrames simulate_mechanical(
                             ? Memory::friction
                             : Memory::none;
   const std::vector<Chain> chains = chains_of(trials, near, memory);
-  const auto kind = near ? StaticOptions::Start::near_equilibrium : StaticOptions::Start::any;
   parallel_for(chains.size(), threads, [&](std::size_t i) {
     const MechanicalFrame* before = nullptr;
     History history;
     for (const int frame : chains[i].frames) {
       const std::size_t t = chains[i].trial;
       MechanicalFrame& result = results[t][at(frame)];
-      Points start = near ? (*near)[t][at(frame)].x : start_of(*trials[t], frame, before);
+      const MechanicalFrame* known = near ? &(*near)[t][at(frame)] : nullptr;
+      const auto kind = known && known->converged ? StaticOptions::Start::near_equilibrium
+                                                  : StaticOptions::Start::any;
+      Points start = known ? known->x : start_of(*trials[t], frame, before);
       result = simulate_frame(*trials[t], frame, models[t], derivatives, std::move(start), kind,
                               history);
       before = &result;
     }
   });
   return results;
+}
+
+MechanicalFrames starts_between(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
+                                const MechanicalFrames& from,
+                                const std::vector<std::shared_ptr<const MechanicalTrial>>& to) {
+  MechanicalFrames starts(trials.size());
+  for (std::size_t t = 0; t < trials.size(); ++t) {
+    starts[t].resize(from[t].size());
+    for (std::size_t s = 0; s < trials[t]->stages.size(); ++s) {
+      const MechanicalStage& stage = trials[t]->stages[s];
+      const MaterialLocator locator(stage.mesh);
+      for (const int frame : stage.frames) {
+        starts[t][at(frame)].frame = frame;
+        starts[t][at(frame)].x =
+            interpolate(stage.mesh, locator, from[t][at(frame)].x, to[t]->stages[s].mesh.material);
+      }
+    }
+  }
+  return starts;
 }
 
 MechanicalEvaluation compare_mechanical(const MechanicalTrial& trial,

@@ -7,6 +7,7 @@
 
 #include "weft/capture/capture.h"
 #include "weft/capture/mechanical_capture.h"
+#include "weft/dynamics/held_equilibrium.h"
 #include "weft/fabric/fabric.h"
 
 namespace weft {
@@ -17,7 +18,7 @@ struct MechanicalOptions {
   /// other side cells are at most twice as wide.
   int cells = 16;
   GridPattern pattern = GridPattern::alternating;  ///< how the quads are split
-  StaticOptions statics;
+  StaticOptions statics = static_solver_options();
 };
 
 /// Frames in which the clips hold the same regions: one mesh, whose grid lines lie on the borders
@@ -74,7 +75,8 @@ enum class MechanicalDerivatives { none, all, poses };
 using MechanicalFrames = std::vector<std::vector<MechanicalFrame>>;
 
 /// All frames of all trials with `fabric`. With `near`, each starts from the shape that it has
-/// there (of the same trials, for a similar fabric). Otherwise a frame with a measured shape starts
+/// there: from the equilibrium of a similar fabric in the same trials, or, where it did not
+/// converge, from a start like any other. Otherwise a frame with a measured shape starts
 /// from it; otherwise the first starts between the clips (blend_of_clips) and each later one where
 /// the one before ended, moved along with the clips. A frame without equilibrium holds what was
 /// reached. Internal friction goes along from frame to frame, from flat before the first; where the
@@ -84,6 +86,11 @@ MechanicalFrames simulate_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
     MechanicalDerivatives derivatives = MechanicalDerivatives::none, int threads = 0,
     const MechanicalFrames* near = nullptr);
+
+/// Shapes of `from` at the vertices of other meshes of the same captures: starts, not converged.
+MechanicalFrames starts_between(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
+                                const MechanicalFrames& from,
+                                const std::vector<std::shared_ptr<const MechanicalTrial>>& to);
 
 /// How far a frame's forces and shape are from the measured ones.
 struct MechanicalDifference {

@@ -55,17 +55,18 @@ std::optional<typename Problem::Linearization> linearize_refined(const Problem& 
   return refined->linearize(scaled, near...);
 }
 
-/// Of a problem with refined() and linearize(), whose linearization at `scaled` is `here`. Unknown
-/// where the finer cells would be more than may be, and where no equilibrium is found.
-template <typename Problem>
+/// Of a problem with refined() and linearize(), which takes `near`, if anything, as well, and whose
+/// linearization at `scaled` is `here`. Unknown where the finer cells would be more than may be,
+/// and where no equilibrium is found.
+template <typename Problem, typename... Near>
 MeshShift find_mesh_shift(const Problem& problem, const VecX& scaled,
-                          const typename Problem::Linearization& here) {
+                          const typename Problem::Linearization& here, Near... near) {
   if (!std::isfinite(here.model.cost)) return {{}, here.reason};
   const auto unknown = [](const std::string& reason) {
     return MeshShift{{}, "on cells of half the width, " + reason};
   };
   std::string reason;
-  const auto finer = linearize_refined(problem, scaled, &reason);
+  const auto finer = linearize_refined(problem, scaled, &reason, near...);
   if (!finer) return unknown(reason);
   if (!std::isfinite(finer->model.cost)) return unknown(finer->reason);
   return {mesh_shift(scaled, here.model, finer->model, residual_noise(problem)), {}};
