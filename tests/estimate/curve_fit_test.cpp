@@ -291,7 +291,7 @@ TEST(FitCurves, BeginsOnHalfTheCells) {
   CurveFitOptions options;
   options.passes = 1;
   const CurveFitResult found = fit_curves(trials, start, {"weft_stretch"}, options);
-  options.first_cells = FirstCells::as_given;
+  options.fit.first_cells = FirstCells::as_given;
   const CurveFitResult straight = fit_curves(trials, start, {"weft_stretch"}, options);
   ASSERT_EQ(found.stages.size(), 2u);
   ASSERT_EQ(straight.stages.size(), 1u);
@@ -304,7 +304,7 @@ TEST(FitCurves, BeginsOnHalfTheCells) {
   EXPECT_NEAR(found.fit.fabric.value("weft_stretch"), value, 1e-3 * value);
 
   mesh.cells = 15;  // half of them would be few
-  options.first_cells = FirstCells::halved;
+  options.fit.first_cells = FirstCells::halved;
   EXPECT_EQ(fit_curves({prepare_mechanical(capture, mesh)}, start, {"weft_stretch"}, options)
                 .stages.size(),
             1u);

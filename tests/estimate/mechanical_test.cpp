@@ -7,6 +7,7 @@
 #include "dynamics/elastica.h"
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
+#include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/homogeneous_strip.h"
 #include "weft/estimate/mechanical_fit.h"
 
@@ -258,6 +259,48 @@ TEST(FitMechanical, RecoversWhatMadeTheForces) {
     EXPECT_GT(interval.upper, truth.value(interval.name));
   }
   EXPECT_EQ(fit.history.size(), fit.evaluations - 1);
+}
+
+TEST(FitMechanical, BeginsOnHalfTheCells) {
+  const auto trial = prepare_mechanical(bundled("blend_strip_45", {2, 6, 11}), with_cells(16));
+  Fabric start = true_fabric("blend_strip_45");
+  start.set("membrane_shear", 5 * start.value("membrane_shear"));
+  start.set("membrane_vv", 5 * start.value("membrane_vv"));
+  const MechanicalProblem problem({trial}, start, {"membrane_vv", "membrane_shear"});
+  ASSERT_TRUE(problem.on_half_the_cells());
+  EXPECT_EQ(problem.on_half_the_cells()->trials()[0]->options.cells, 8);
+  MechanicalFitOptions options;
+  const MechanicalFitResult found = fit_mechanical(problem, start, options);
+  options.first_cells = FirstCells::as_given;
+  const MechanicalFitResult straight = fit_mechanical(problem, start, options);
+  // A search ends where its steps lower the sum of squares by less than 0.01, a tenth of a standard
+  // deviation, to either side of the minimum.
+  const VecX apart = problem.scaled(found.fabric) - problem.scaled(straight.fabric);
+  ASSERT_EQ(straight.intervals.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i)
+    EXPECT_LT(std::abs(apart[static_cast<Eigen::Index>(i)]),
+              0.2 * straight.intervals[i].half_width / normal_half_width(0.9));
+  EXPECT_EQ(found.start.values, straight.start.values);
+  EXPECT_NEAR(found.cost_start, straight.cost_start, 0.05 * straight.cost_start);
+  // One numbering of both searches; the two ends that are looked at have no step.
+  EXPECT_EQ(found.history.size() + 2, found.evaluations);
+  std::size_t far = 0;
+  for (std::size_t i = 1; i < found.history.size(); ++i) {
+    EXPECT_GT(found.history[i].evaluation, found.history[i - 1].evaluation);
+    if (found.history[i].best > found.history[i - 1].best) far = i;
+  }
+  EXPECT_GT(far, 0u);                                                    // the second one begins
+  EXPECT_LT(2 * (found.history.size() - far), straight.history.size());  // near its end
+
+  // A fit that is stopped on the way is looked at on all cells.
+  const MechanicalFitResult stopped = fit_mechanical(
+      problem, start, {}, [](const MechanicalFitStep& s) { return s.evaluation < 3; });
+  EXPECT_EQ(stopped.end, LeastSquaresEnd::stopped);
+  EXPECT_NEAR(stopped.cost, problem.cost(problem.scaled(stopped.fabric)), 1e-6 * stopped.cost);
+
+  EXPECT_FALSE(MechanicalProblem({prepare_mechanical(trial->capture, with_cells(15))}, start,
+                                 {"membrane_shear"})
+                   .on_half_the_cells());
 }
 
 TEST(FitMechanical, IntervalsHoldWhatTheMeshDoes) {

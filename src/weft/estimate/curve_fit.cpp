@@ -23,7 +23,6 @@ constexpr double kNoWeight = 1e-9;  // of a control value in a band
 constexpr double kBeyond = 1.1;     // of a curve's last knot: strains beyond it count
 /// Bends that were found after the shear have changed the least of its cost by this part of it.
 constexpr double kBendsMatter = 0.05;
-constexpr int kFewestCells = 8;  // along a side, to begin with
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 using Tests = std::vector<IsolatedStrain>;
@@ -366,10 +365,8 @@ class CurveFitter {
   /// From the start to near the estimate, on half as many cells. What that finds is a start, no
   /// more: where it finds nothing, or an end of a range, the group begins where it would have.
   void begin_on_half_the_cells(Group group, int points) {
-    for (auto& trial : group.trials) {
-      if (trial->options.cells / 2 < kFewestCells) return;
-      trial = coarsened(*trial);
-    }
+    group.trials = on_half_the_cells(std::move(group.trials));
+    if (group.trials.empty()) return;
     group.cells = Cells::half;
     MechanicalShapes shapes(group.name + "-half");
     try {
@@ -383,7 +380,7 @@ class CurveFitter {
   void fit_group(const Group& group, int pass) {
     const int points = most_points_of(group);
     const Fabric before = fabric_;
-    if (pass == 1 && options_.first_cells == FirstCells::halved)
+    if (pass == 1 && options_.fit.first_cells == FirstCells::halved)
       begin_on_half_the_cells(group, points);
     if (stopped_) return;
     Shapes shapes(group);
@@ -713,7 +710,6 @@ std::string fit_fingerprint(const Trials& trials, const Fabric& start,
   hash.add(options.most_points);
   hash.add(options.least_reduction);
   hash.add(options.passes);
-  hash.add(options.first_cells);
   return hash.hex();
 }
 

@@ -35,13 +35,6 @@ enum class ThreadSymmetry {
   isotropic  ///< warp has the values of weft, in stretch and bend
 };
 
-/// Where the first fit of a component begins: far from its end an evaluation on fine cells is slow
-/// and says no more than one on coarse cells.
-enum class FirstCells {
-  halved,   ///< on half as many cells along a side, where these are 8 or more, then on all of them
-  as_given  ///< on those of the trials
-};
-
 /// The strain that a test exercises most.
 enum class IsolatedStrain { weft_stretch, warp_stretch, shear, weft_bend, warp_bend };
 std::string_view name_of(IsolatedStrain strain);
@@ -59,10 +52,9 @@ struct CurveFitOptions {
   /// it must bring as much on cells of half the width, in the least cost to second order about the
   /// estimate: what pays on the cells of the fit alone follows their error.
   double least_reduction = 0.01;
-  int passes = 2;  ///< of the incremental order, >= 1
-  FirstCells first_cells = FirstCells::halved;
+  int passes = 2;              ///< of the incremental order, >= 1
   MechanicalCostOptions cost;  ///< without ties; `forces` is chosen by the order
-  MechanicalFitOptions fit;
+  MechanicalFitOptions fit;    ///< `first_cells`: of the first fit of a component
   int threads = 0;
   /// Evaluations are taken from there, or added; null: none are kept. Of fit_fingerprint().
   std::shared_ptr<MechanicalStore> store;

@@ -165,6 +165,15 @@ MechanicalProblem MechanicalProblem::refined() const {
   return finer;
 }
 
+std::optional<MechanicalProblem> MechanicalProblem::on_half_the_cells() const {
+  auto trials = weft::on_half_the_cells(trials_);
+  if (trials.empty()) return std::nullopt;
+  MechanicalProblem coarser = *this;
+  coarser.trials_ = std::move(trials);
+  coarser.keep_in(store_);
+  return coarser;
+}
+
 VecX MechanicalProblem::scaled(const Fabric& fabric) const {
   VecX x(dimension());
   for (int i = 0; i < dimension(); ++i) x[i] = to_scaled(info(i), fabric.values[indices_[at(i)]]);
@@ -715,6 +724,7 @@ std::string fit_fingerprint(const MechanicalProblem& problem, const Fabric& star
   for (const double value :
        {search.step_tolerance, search.cost_tolerance, search.initial_damping, search.largest_step})
     hash.add(value);
+  hash.add(options.first_cells);
   return hash.hex();
 }
 
@@ -852,12 +862,59 @@ class FitSearch {
   bool stopped_ = false;
 };
 
+/// Where it ended, but for what ended at a bound, which follows the error of the cells: as it
+/// began.
+Fabric inside_its_bounds(const MechanicalFitResult& found) {
+  Fabric fabric = found.fabric;
+  for (const ParameterInterval& p : found.intervals)
+    if (p.at_lower || p.at_upper) fabric.set(p.name, found.start.value(p.name));
+  return fabric;
+}
+
+/// `result` goes on from where `first` ended.
+void prepend(MechanicalFitResult first, MechanicalFitResult& result) {
+  for (MechanicalFitStep& step : result.history) {
+    step.evaluation += first.evaluations;
+    first.history.push_back(step);
+  }
+  result.history = std::move(first.history);
+  result.start = std::move(first.start);
+  result.cost_start = first.cost_start;
+  result.evaluations += first.evaluations;
+  result.replayed += first.replayed;
+  result.wall_s += first.wall_s;
+}
+
 }  // namespace
 
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,
                                    const MechanicalFitOptions& options,
                                    const MechanicalFitObserver& observer, MechanicalShapes* near) {
-  return FitSearch(problem, options, observer, near).run(start);
+  const auto straight = [&] { return FitSearch(problem, options, observer, near).run(start); };
+  std::optional<MechanicalProblem> half;
+  if (!near && options.first_cells == FirstCells::halved) half = problem.on_half_the_cells();
+  if (!half) return straight();
+  MechanicalFitResult first;
+  try {
+    MechanicalFitOptions on_the_way = options;
+    on_the_way.mesh_error = MeshError::left_out;
+    first = FitSearch(*half, on_the_way, observer, nullptr).run(start);
+  } catch (const MechanicalStartError&) {
+    return straight();
+  }
+  MechanicalFitResult result;
+  if (first.end == LeastSquaresEnd::stopped) {
+    result = assess_mechanical(problem, first.fabric, options);
+    result.end = first.end;
+  } else {
+    const MechanicalFitObserver after_first = [&](MechanicalFitStep step) {
+      step.evaluation += first.evaluations;
+      return !observer || observer(step);
+    };
+    result = FitSearch(problem, options, after_first, nullptr).run(inside_its_bounds(first));
+  }
+  prepend(std::move(first), result);
+  return result;
 }
 
 MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -116,6 +117,8 @@ class MechanicalProblem {
   ParameterInfo friction_info(std::size_t i) const;
   /// The same on cells of half the width. Throws Error where these would be more than may be.
   MechanicalProblem refined() const;
+  /// The same on half as many cells along a side; none where these would be few.
+  std::optional<MechanicalProblem> on_half_the_cells() const;
   VecX scaled(const Fabric& fabric) const;
   Fabric fabric(const VecX& scaled) const;
 
@@ -219,6 +222,13 @@ class MechanicalProblem {
   std::string fingerprint_;  ///< with a store
 };
 
+/// Where a search begins: far from its end an evaluation on fine cells is slow and says no more
+/// than one on coarse cells.
+enum class FirstCells {
+  halved,   ///< on half as many cells along a side, where these are 8 or more, then on all of them
+  as_given  ///< on those of the trials
+};
+
 struct MechanicalFitOptions {
   MechanicalFitOptions() {
     least_squares.max_iterations = 60;
@@ -228,6 +238,7 @@ struct MechanicalFitOptions {
   LeastSquaresOptions least_squares;
   double confidence = 0.9;  ///< of the intervals
   MeshError mesh_error = MeshError::left_out;
+  FirstCells first_cells = FirstCells::halved;
 };
 
 struct MechanicalFitStep {
@@ -244,7 +255,7 @@ struct CordFrictionEstimate {
 
 struct MechanicalFitResult {
   Fabric start, fabric;
-  double cost_start = 0, cost = 0;  ///< each with the weights of then
+  double cost_start = 0, cost = 0;  ///< each with the weights, and on the cells, of then
   /// Where the weights of the beginning led, with these; the cost without a noise of clips.
   double cost_first = 0;
   ForceWeights weights;         ///< of the end
@@ -285,7 +296,11 @@ class MechanicalStartError : public Error {
 /// then more of them, each with the weights of where the one before ended, until one lowers the sum
 /// of squares by less than 0.1, eight at most. Where no weights can be had the search ends.
 ///
-/// `near`: equilibria to start from, where there are any; those of the end, after. Without it the
+/// A search on half the cells comes first, as the options say, of which the values are taken over
+/// that do not end at a bound. Where that has no start it is left out.
+///
+/// `near`: equilibria to start from, where there are any; those of the end, after; there is no
+/// search on half the cells then. Without it the
 /// end is looked at from the start that simulate_mechanical() has by itself. Cells of half the
 /// width start from the shapes on those of the fit.
 MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabric& start,

@@ -13,6 +13,7 @@ namespace weft {
 namespace {
 
 constexpr int kMostCells = 200;
+constexpr int kFewestCells = 8;        // of a search that is far from its end
 constexpr double kWidestCell = 2;      // of the narrow side
 constexpr double kFinestCell = 0.25;   // at a clip, of the widest one
 constexpr double kClampStrip = 0.02;   // of a cell
@@ -364,10 +365,15 @@ std::shared_ptr<const MechanicalTrial> refined(const MechanicalTrial& trial) {
   return prepare(trial.capture, trial.geometry, options);
 }
 
-std::shared_ptr<const MechanicalTrial> coarsened(const MechanicalTrial& trial) {
-  MechanicalOptions options = trial.options;
-  options.cells /= 2;
-  return prepare(trial.capture, trial.geometry, options);
+std::vector<std::shared_ptr<const MechanicalTrial>> on_half_the_cells(
+    std::vector<std::shared_ptr<const MechanicalTrial>> trials) {
+  for (auto& trial : trials) {
+    MechanicalOptions options = trial->options;
+    options.cells /= 2;
+    if (options.cells < kFewestCells) return {};
+    trial = prepare(trial->capture, trial->geometry, options);
+  }
+  return trials;
 }
 
 MechanicalFrames simulate_mechanical(

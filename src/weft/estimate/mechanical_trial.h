@@ -49,8 +49,10 @@ std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCaptur
                                                           const MechanicalOptions& options = {});
 /// The same on cells of half the width. Throws Error where these would be more than may be.
 std::shared_ptr<const MechanicalTrial> refined(const MechanicalTrial& trial);
-/// The same on half as many cells along a side, rounded down. Throws Error for fewer than two.
-std::shared_ptr<const MechanicalTrial> coarsened(const MechanicalTrial& trial);
+/// The same on half as many cells along a side, for a search that is far from its end; none where
+/// one would have fewer than eight.
+std::vector<std::shared_ptr<const MechanicalTrial>> on_half_the_cells(
+    std::vector<std::shared_ptr<const MechanicalTrial>> trials);
 
 /// One frame, computed.
 struct MechanicalFrame {
