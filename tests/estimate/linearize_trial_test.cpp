@@ -277,6 +277,23 @@ TEST_F(LinearizeTest, AFitIsTheSameForAnyThreadsAndGoesThroughTheStore) {
   EXPECT_GE(two.replayed, 5u);  // the middle and the screening, at least
 }
 
+// Neighbours of where few frames ended are compared on all of them; what is a tenth better is gone
+// on from, and nothing else is.
+TEST_F(LinearizeTest, ScatteredPointsThatTakeAnotherWayAreGoneOnFrom) {
+  LeastSquaresFitOptions options = small_fit();
+  options.screening_points = 0;
+  options.stages = {{2, 1, 1, 4, 1, 1e3}, {0, 1, 1, 2, 1, 0}};  // the pull leaves it in the middle
+  const FitResult alone = run_least_squares_fit(problem(), options);
+  options.stages[1].scattered = 16;
+  options.stages[1].scatter = 0.3;
+  const FitResult scattered = run_least_squares_fit(problem(), options);
+  EXPECT_LT(scattered.start.error, 0.9 * alone.start.error);
+  EXPECT_LE(scattered.final.error, scattered.start.error);
+  EXPECT_GE(scattered.evaluations, alone.evaluations + 16);
+  options.stages[1].scatter = 0;  // the same point 16 times is not another way
+  EXPECT_EQ(run_least_squares_fit(problem(), options).scaled, alone.scaled);
+}
+
 TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
   AutoFitOptions options;
   options.least_squares = small_fit();
@@ -313,6 +330,8 @@ TEST_F(LinearizeTest, AFitRejectsBadOptions) {
                             +[](LeastSquaresFitOptions& o) { o.stages[0].survivors = 0; },
                             +[](LeastSquaresFitOptions& o) { o.stages[0].frames = -1; },
                             +[](LeastSquaresFitOptions& o) { o.stages[0].pull = -1; },
+                            +[](LeastSquaresFitOptions& o) { o.stages[1].scattered = -1; },
+                            +[](LeastSquaresFitOptions& o) { o.stages[1].scatter = 1.1; },
                             +[](LeastSquaresFitOptions& o) { o.screening_parameters = {"bend"}; },
                             +[](LeastSquaresFitOptions& o) { o.screening_points = -1; },
                             +[](LeastSquaresFitOptions& o) { o.screening_frames = -1; }}) {

@@ -20,6 +20,8 @@ namespace weft {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/// Of the error of the candidates: dents of one way are 2 to 5 % deep.
+constexpr double kAnotherWay = 0.9;
 
 struct Candidate {
   VecX scaled;
@@ -65,6 +67,10 @@ class LeastSquaresFit {
       if (stage.frames < 0) throw Error("frames of a stage must not be negative");
       if (!(stage.pull >= 0)) throw Error("the pull of a stage must not be negative");
       if (stage.survivors < 1) throw Error("a stage needs at least one survivor");
+      if (stage.scattered < 0) throw Error("scattered points of a stage must not be negative");
+      if (!(stage.scatter >= 0 && stage.scatter <= 1))
+        throw Error(
+            fmt::format("the scatter of a stage is {:g}, must be in [0, 1]", stage.scatter));
     }
     result_.seed = options.seed;
   }
@@ -200,8 +206,14 @@ class LeastSquaresFit {
   /// Candidates are improved side by side: a simulation uses one core. Where one has no candidate
   /// left it looks at frames of another's.
   void run_stage(const FitStage& stage, std::vector<Candidate>& candidates) {
-    if (candidates.size() > 1 && &stage != &options_.stages.front())
-      compare_candidates(stage, candidates);
+    const bool first = &stage == &options_.stages.front();
+    if (first) keep_best(candidates, stage.survivors);  // by the screening
+    const std::size_t descended = candidates.size();
+    add_scattered(stage, candidates);
+    const bool compared = candidates.size() == 1 || (first && stage.scattered == 0);
+    // On all frames one alone is evaluated, too: no fit ends above where its last stage began.
+    if (!compared || stage.frames == 0) compare_candidates(stage, candidates);
+    keep_other_ways(descended, candidates);
     keep_best(candidates, stage.survivors);
     std::vector<Descent> descents(candidates.size());
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
@@ -217,6 +229,29 @@ class LeastSquaresFit {
         record(phase_of(stage), tried.scaled, stage.frames, tried.evaluation);
       if (descents[i].end.size() > 0) candidates[i] = {descents[i].end, descents[i].cost};
     }
+  }
+
+  void add_scattered(const FitStage& stage, std::vector<Candidate>& candidates) const {
+    Rng rng(options_.seed, 3);
+    const std::size_t centres = candidates.size();
+    for (int i = 0; i < stage.scattered; ++i) {
+      Candidate drawn = candidates[static_cast<std::size_t>(i) % centres];
+      for (double& coordinate : drawn.scaled)
+        coordinate = std::clamp(coordinate + stage.scatter * rng.uniform(-1, 1), 0.0, 1.0);
+      candidates.push_back(std::move(drawn));
+    }
+  }
+
+  /// Of the candidates after the first `descended` only those that took another way: dents of the
+  /// same way differ by less, and where a descent ended is the better start in them.
+  static void keep_other_ways(std::size_t descended, std::vector<Candidate>& candidates) {
+    double best = kInfinity;
+    for (std::size_t i = 0; i < descended; ++i) best = std::min(best, candidates[i].cost);
+    const auto first = candidates.begin() + static_cast<std::ptrdiff_t>(descended);
+    candidates.erase(
+        std::remove_if(first, candidates.end(),
+                       [&](const Candidate& c) { return !(c.cost < kAnotherWay * best); }),
+        candidates.end());
   }
 
   static std::string phase_of(const FitStage& stage) {

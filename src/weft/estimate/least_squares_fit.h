@@ -19,6 +19,12 @@ struct FitStage {
   /// fetch it back.
   double pull = 0.05;
   double phase_weight = 0;  ///< of the stripes' phase (ResidualOptions)
+  /// Points that are drawn about the candidates in turn, before the first frames of the stage are
+  /// compared, each coordinate by up to `scatter` of its range: in a motion that snaps from one
+  /// shape to another neighbours take different ways, and what fewer frames say does not tell
+  /// which. Those count whose error is a tenth smaller than any candidate's.
+  int scattered = 0;
+  double scatter = 0.07;
 };
 
 struct LeastSquaresFitOptions {
@@ -30,7 +36,7 @@ struct LeastSquaresFitOptions {
   std::vector<std::string> screening_parameters{"bend_stiffness", "stretch_stiffness",
                                                 "shear_stiffness"};
   std::vector<FitStage> stages{
-      {10, 4, 5, 6, 1, 0.05}, {25, 2, 6, 4, 1, 0.05}, {0, 2, 8, 3, 1, 0.05}};
+      {10, 4, 5, 6, 1, 0.05}, {25, 2, 6, 4, 1, 0.05}, {0, 2, 8, 3, 1, 0.05, 0, 24}};
   FitOptions::Start start = FitOptions::Start::middle;
   LeastSquaresOptions solver;          ///< its max_iterations is that of the stage
   LinearizationOptions linearization;  ///< its frames, losses and threads are overwritten
