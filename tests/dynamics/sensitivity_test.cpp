@@ -155,8 +155,9 @@ TEST(Sensitivities, AreThoseOfTheSameMotion) {
   const auto all = simulate_with_sensitivities(scene, damped_fabric(), all_parameters(), options);
   const Directions& few = ours.sensitivities.x.back();
   const Directions& many = all.sensitivities.x.back();
-  EXPECT_LT((few.col(0) - many.col(2)).norm(), 1e-7 * many.col(2).norm());
-  EXPECT_LT((few.col(1) - many.col(7)).norm(), 1e-7 * many.col(7).norm());
+  // Each of the 36 steps solves to 1e-7, and stops when all of its columns have.
+  EXPECT_LT((few.col(0) - many.col(2)).norm(), 36e-7 * many.col(2).norm());
+  EXPECT_LT((few.col(1) - many.col(7)).norm(), 36e-7 * many.col(7).norm());
   EXPECT_EQ(few.rightCols(kDirections - 2).cwiseAbs().maxCoeff(), 0);
 }
 

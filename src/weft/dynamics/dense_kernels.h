@@ -103,11 +103,12 @@ inline void add(const Scalar* from, int count, Scalar* to) {
 #endif
 }
 
-/// c(rows, columns) -= a b^T for one tile of rows and kColumns columns; a has `depth` columns, and
-/// row j of b is that of column j of c.
-template <class Scalar, int kColumns>
-inline void subtract_product_tile(const Scalar* a, const Scalar* b, int depth, std::ptrdiff_t ld,
-                                  Scalar* c, std::ptrdiff_t ldc) {
+/// a b^T for one tile of rows and kColumns columns; a has `depth` columns, and row j of b is that
+/// of column j of the product. Column by column to `use(j, v, product)`, v counting vectors of
+/// rows.
+template <class Scalar, int kColumns, class Use>
+inline void product_tile(const Scalar* a, const Scalar* b, int depth, std::ptrdiff_t ld,
+                         const Use& use) {
   constexpr int kVectors = kTileVectors<Scalar>;
   Vector<Scalar> total[kColumns][kVectors] = {};
   for (int k = 0; k < depth; ++k) {
@@ -118,20 +119,32 @@ inline void subtract_product_tile(const Scalar* a, const Scalar* b, int depth, s
       for (int v = 0; v < kVectors; ++v) total[j][v] = multiply_add(left[v], right, total[j][v]);
     }
   }
-  for (int j = 0; j < kColumns; ++j) {
-    for (int v = 0; v < kVectors; ++v) {
-      Scalar* at = c + j * ldc + v * kWidth<Scalar>;
-      store<Scalar>(at, load(at) - total[j][v]);
-    }
-  }
+  for (int j = 0; j < kColumns; ++j)
+    for (int v = 0; v < kVectors; ++v) use(j, v, total[j][v]);
 }
 
-/// Rows from `row` to `rows` of kColumns columns of c, as above.
+/// Rows from `row` to `rows` of kColumns columns of c -= a b^T.
 template <class Scalar, int kColumns>
 inline void subtract_product(const Scalar* a, const Scalar* b, int depth, std::ptrdiff_t ld,
                              Scalar* c, std::ptrdiff_t ldc, int row, int rows) {
   for (; row < rows; row += kTileRows<Scalar>) {
-    subtract_product_tile<Scalar, kColumns>(a + row, b, depth, ld, c + row, ldc);
+    product_tile<Scalar, kColumns>(a + row, b, depth, ld,
+                                   [&](int j, int v, const Vector<Scalar>& product) {
+                                     Scalar* at = c + row + j * ldc + v * kWidth<Scalar>;
+                                     store<Scalar>(at, load(at) - product);
+                                   });
+  }
+}
+
+/// The same rows become - a b^T.
+template <class Scalar, int kColumns>
+inline void negative_product(const Scalar* a, const Scalar* b, int depth, std::ptrdiff_t ld,
+                             Scalar* c, std::ptrdiff_t ldc, int row, int rows) {
+  for (; row < rows; row += kTileRows<Scalar>) {
+    product_tile<Scalar, kColumns>(
+        a + row, b, depth, ld, [&](int j, int v, const Vector<Scalar>& product) {
+          store<Scalar>(c + row + j * ldc + v * kWidth<Scalar>, -product);
+        });
   }
 }
 
@@ -203,17 +216,17 @@ bool factorize_panel(Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
   return first == pivots || factorize_columns<Scalar, 3>(panel, ld, rows, first, inverse_diagonal);
 }
 
-/// Lower triangle of c (size x size, a multiple of 3) -= a a^T, a with `depth` columns.
+/// Lower triangle of c (size x size, a multiple of 3) becomes - a a^T, a with `depth` columns.
+/// Writes up to five rows above the diagonal, too.
 template <class Scalar>
-void subtract_square(const Scalar* a, int depth, std::ptrdiff_t ld, Scalar* c, std::ptrdiff_t ldc,
+void negative_square(const Scalar* a, int depth, std::ptrdiff_t ld, Scalar* c, std::ptrdiff_t ldc,
                      int size) {
   int j = 0;
   for (; j + 6 <= size; j += 6) {
-    subtract_product<Scalar, 6>(a, a + j, depth, ld, c + j * ldc, ldc, j, size);
+    negative_product<Scalar, 6>(a, a + j, depth, ld, c + j * ldc, ldc, j, size);
   }
-  if (j < size) subtract_product<Scalar, 3>(a, a + j, depth, ld, c + j * ldc, ldc, j, size);
+  if (j < size) negative_product<Scalar, 3>(a, a + j, depth, ld, c + j * ldc, ldc, j, size);
 }
-
 /// x <- L^-1 x for the pivots, and what they leave for the rows below, with x of `rows` entries.
 template <class Scalar>
 void solve_forward(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,

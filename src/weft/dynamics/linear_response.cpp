@@ -5,7 +5,7 @@
 namespace weft {
 namespace {
 
-constexpr double kTolerance = 1e-9;  // of the largest entry of a column
+constexpr double kTolerance = 1e-7;  // of the largest entry of a column
 constexpr int kMaxIterations = 40;
 constexpr double kFirstRegularization = 1e-6;  // 1/s^2, as where equilibria are found
 constexpr double kMostRegularization = 1e12;

@@ -15,7 +15,7 @@
 /// from gives dx = -K^-1 d(grad P)/dtheta (the implicit function theorem).
 ///
 /// All parameters are solved for at once, with one factor a step (single precision, refined in
-/// double until the correction to come, judged by the rate at which they shrink, is below 1e-9 of
+/// double until the correction to come, judged by the rate at which they shrink, is below 1e-7 of
 /// the largest entry). Matrix and factor are those of Newton's last change (implicit_stepper.h):
 /// what is exact is exact to newton_tolerance, as the motion itself.
 #include <vector>

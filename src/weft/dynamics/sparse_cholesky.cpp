@@ -148,7 +148,7 @@ struct SparseCholesky<Scalar>::Impl {
   void place_entries(const SparseMatrix& pattern);
   void allocate();
   void gather(const Node& node, const double* values);
-  void add_update(const Node& child, const Node& node);
+  void add_update(const Node& child, const Node& node, int begin, int end);
   bool eliminate(const Node& node);
   void forward(const Node& node) const;
   void backward(const Node& node) const;
@@ -302,35 +302,33 @@ void SparseCholesky<Scalar>::Impl::place_entries(const SparseMatrix& pattern) {
   }
 }
 
+/// The node's columns of the matrix and of what its children left.
 template <class Scalar>
 void SparseCholesky<Scalar>::Impl::gather(const Node& node, const double* values) {
   Scalar* to = panel(node);
   std::fill_n(to, node.panel_ld * static_cast<std::size_t>(node.pivot_size()), Scalar(0));
-  // Only the lower triangle is used; tiles write up to five rows above the diagonal, too.
-  for (int column = 0; column < node.row_size(); ++column) {
-    const auto above = static_cast<std::size_t>(std::max(0, column - 5));
-    std::fill_n(update(node) + static_cast<std::size_t>(column) * node.update_ld + above,
-                node.update_ld - above, Scalar(0));
-  }
   for (std::size_t e = node.entries_begin; e < node.entries_end; ++e) {
     const Entry& entry = entries[e];
     for (int i = 0; i < entry.count; ++i) {
       to[entry.place + i * entry.stride] += static_cast<Scalar>(values[entry.value + i]);
     }
   }
-  for (const int child : node.children) add_update(nodes[static_cast<std::size_t>(child)], node);
+  for (const int child : node.children)
+    add_update(nodes[static_cast<std::size_t>(child)], node, 0, node.pivot_size());
 }
 
+/// To the columns from `begin` to `end` of the node: those of its pivots are in its panel, the
+/// others in its update, which starts below the pivots.
 template <class Scalar>
-void SparseCholesky<Scalar>::Impl::add_update(const Node& child, const Node& node) {
+void SparseCholesky<Scalar>::Impl::add_update(const Node& child, const Node& node, int begin,
+                                              int end) {
   const int pivots = node.pivot_size();
   for (std::size_t run = 0; run < child.runs.size(); ++run) {
     const auto [first, place, columns] = child.runs[run];
-    for (int column = 0; column < 3 * columns; ++column) {
+    const int last = std::min(3 * columns, end - 3 * place);
+    for (int column = std::max(0, begin - 3 * place); column < last; ++column) {
       const Scalar* from =
           update(child) + static_cast<std::size_t>(3 * first + column) * child.update_ld;
-      // Columns of the parent's pivots are in its panel, the others in its update, which starts
-      // below the pivots.
       const int at = 3 * place + column;
       Scalar* to =
           at < pivots
@@ -345,6 +343,8 @@ void SparseCholesky<Scalar>::Impl::add_update(const Node& child, const Node& nod
   }
 }
 
+/// The node's own update is written before what its children left is added to it: nothing has to
+/// be zeroed first.
 template <class Scalar>
 bool SparseCholesky<Scalar>::Impl::eliminate(const Node& node) {
   const auto ld = static_cast<std::ptrdiff_t>(node.panel_ld);
@@ -353,8 +353,10 @@ bool SparseCholesky<Scalar>::Impl::eliminate(const Node& node) {
                               inverse_diagonal.data() + 3 * node.first)) {
     return false;
   }
-  dense::subtract_square<Scalar>(panel(node) + pivots, pivots, ld, update(node),
+  dense::negative_square<Scalar>(panel(node) + pivots, pivots, ld, update(node),
                                  static_cast<std::ptrdiff_t>(node.update_ld), node.row_size());
+  for (const int child : node.children)
+    add_update(nodes[static_cast<std::size_t>(child)], node, pivots, node.front_size());
   return true;
 }
 
