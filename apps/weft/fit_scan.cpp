@@ -144,8 +144,11 @@ void print_result(const ScanFitResult& fit, const Report& report,
     fmt::print("E_u {:.5g}, E_v {:.5g}, mu {:.5g} N/m, nu {:.4g}, b {:.5g} N m\n", m.e_u, m.e_v,
                m.shear, m.poisson, m.b);
   }
-  fmt::print("error {:.5g}, at the start {:.5g}; {} iterations, {} evaluations in {:.1f} s\n",
-             report.error, report.error_initial, fit.iterations, report.evaluations, report.wall_s);
+  fmt::print(
+      "error {:.5g}, at the start {:.5g}; {} iterations, {} evaluations ({} replayed) in {:.1f} "
+      "s\n",
+      report.error, report.error_initial, fit.iterations, report.evaluations, fit.replayed,
+      report.wall_s);
   for (std::size_t i = 0; i < trials.size(); ++i)
     fmt::print("{}{}", registration_summary(*trials[i]), scan_summary(*trials[i], differences[i]));
   for (const std::string& remark : report.remarks) fmt::print("warning: {}\n", remark);
@@ -232,7 +235,8 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   Progress progress("least squares", 0);
   const ScanFitResult fit = fit_scan(problem, initial, options, [&](const ScanFitStep& step) {
     progress.update(step.evaluation,
-                    fmt::format("{}: error {:.4g}, best {:.4g}", step.phase, step.cost, step.best));
+                    fmt::format("{}: error {:.4g}, best {:.4g}{}", step.phase, step.cost, step.best,
+                                step.replayed ? " (replayed)" : ""));
     return !interrupted();
   });
   progress.finish();

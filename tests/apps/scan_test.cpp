@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <utility>
 
 #include "apps/program.h"
@@ -140,12 +141,21 @@ TEST_F(Scan, FitsOtherModels) {
   EXPECT_GT(std::abs(start(1) - 500), 1);
 }
 
+/// As the last lines of a fit say.
+std::pair<int, int> replayed_of_evaluations(const Outcome& fit) {
+  std::smatch found;
+  const std::regex words(R"((\d+) evaluations \((\d+) replayed\))");
+  if (!std::regex_search(fit.out, found, words)) return {-1, -1};
+  return {std::stoi(found[2]), std::stoi(found[1])};
+}
+
 TEST_F(Scan, AKilledFitContinues) {
   const std::vector<std::string> words{"fit",       path("scan"),       "--out",     path("out"),
                                        "--initial", "larionov-initial", "--balance", "noise"};
   const Outcome whole = weft(words);
   ASSERT_EQ(whole.status, 0) << whole.err;
   EXPECT_THAT(refusal(words), HasSubstr("--overwrite"));
+  EXPECT_EQ(replayed_of_evaluations(whole).first, 0);
   const std::string fabric = text_of(folder_ / "out/fabric.toml");
   const int computed = rows_of_store("SELECT count(*) FROM numbers");
   EXPECT_GT(computed, 5);
@@ -155,13 +165,20 @@ TEST_F(Scan, AKilledFitContinues) {
   rows_of_store("DELETE FROM numbers WHERE rowid > (SELECT count(*) / 2 FROM numbers)");
   const Outcome again = weft(words);
   ASSERT_EQ(again.status, 0) << again.err;
+  const auto [half, evaluations] = replayed_of_evaluations(again);
+  EXPECT_GT(half, 0);
+  EXPECT_LT(half, evaluations);
   EXPECT_EQ(text_of(folder_ / "out/fabric.toml"), fabric);
   EXPECT_EQ(rows_of_store("SELECT count(*) FROM numbers"), computed);
 
   // What is there is taken: 1000 in place of the cost of the start, which is asked for first.
   std::filesystem::remove(folder_ / "out/result.json");
   rows_of_store("UPDATE numbers SET value = X'0000000000408F40' WHERE rowid = 1");
-  ASSERT_EQ(weft(words).status, 0);
+  const Outcome replayed = weft(words);
+  ASSERT_EQ(replayed.status, 0) << replayed.err;
+  // All but those without an equilibrium, which are not kept.
+  EXPECT_GT(replayed_of_evaluations(replayed).first, half);
+  EXPECT_EQ(replayed_of_evaluations(replayed).second, evaluations);
   EXPECT_EQ(nlohmann::json::parse(text_of(folder_ / "out/result.json"))["error_initial"], 1000);
   EXPECT_EQ(text_of(folder_ / "out/fabric.toml"), fabric);
   std::filesystem::remove(folder_ / "out/result.json");

@@ -49,6 +49,7 @@ struct NumberStore::Impl {
   detail::Statement counter =
       database.prepare("SELECT count(*), count(*) FILTER (WHERE problem = ?1) FROM numbers");
   std::mutex mutex;
+  std::size_t replayed = 0;
 };
 
 NumberStore::NumberStore(const std::filesystem::path& path, std::string_view problem)
@@ -68,6 +69,7 @@ std::optional<VecX> NumberStore::find(std::string_view key) const {
   select.bind(2, key);
   std::optional<VecX> found;
   select.run([&](const detail::Row& row) { found = row.numbers(0); });
+  if (found) ++impl_->replayed;
   return found;
 }
 
@@ -85,6 +87,11 @@ void NumberStore::remove_all_but(std::string_view prefix, std::string_view kept)
   remove.bind(2, prefix);
   remove.bind(3, kept);
   remove.run();
+}
+
+std::size_t NumberStore::replayed() const {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->replayed;
 }
 
 std::size_t NumberStore::count() const {

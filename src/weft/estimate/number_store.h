@@ -25,6 +25,8 @@ class NumberStore {
   /// Removes what belongs to keys that begin with `prefix`, but for `kept`.
   void remove_all_but(std::string_view prefix, std::string_view kept);
   std::size_t count() const;
+  /// How often find() has found something since the store was opened.
+  std::size_t replayed() const;
 
  private:
   struct Impl;

@@ -8,6 +8,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "weft/base/error.h"
 #include "weft/base/random.h"
@@ -481,9 +482,12 @@ class Descent {
       return x;
     };
     double best = kInfinity;
+    std::size_t replays = problem_.replayed();
     const auto count = [&](double cost) {
       best = std::min(best, cost);
-      result_.history.push_back({++result_.evaluations, cost, best, name_ + phase});
+      const bool replayed = problem_.replayed() > std::exchange(replays, problem_.replayed());
+      result_.replayed += replayed;
+      result_.history.push_back({++result_.evaluations, cost, best, name_ + phase, replayed});
       if (observer_ && !observer_(result_.history.back())) result_.stopped = true;
     };
     const LinearizeFunction linearize = [&](const VecX& part) {
@@ -593,8 +597,10 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
   result.start = result.ends.front().start;
   result.cost_start = result.ends.front().cost_start;
   problem.set_scales(result.scales);
+  const std::size_t replays = problem.replayed();
   const ScanProblem::Linearization at_end = problem.linearize(*best);
   ++result.evaluations;
+  result.replayed += problem.replayed() - replays;
   result.inexact = at_end.inexact;
   result.shape_rms = at_end.shape_rms;
   result.force_rms = at_end.force_rms;

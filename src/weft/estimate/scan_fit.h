@@ -105,6 +105,8 @@ class ScanProblem {
   /// Finite costs and their linearizations are then taken from there, or added. The store must be
   /// of this problem's fingerprint().
   void keep_in(std::shared_ptr<NumberStore> store) { store_ = std::move(store); }
+  /// Costs and linearizations that were taken from there.
+  std::size_t replayed() const { return store_ ? store_->replayed() : 0; }
 
  private:
   std::string key(const char* what, const VecX& scaled) const;
@@ -165,7 +167,8 @@ struct ScanFitOptions {
 struct ScanFitStep {
   std::size_t evaluation = 0;  ///< from 1
   double cost = 0, best = 0;
-  std::string phase;  ///< "start 1, bending 2", ...
+  std::string phase;      ///< "start 1, bending 2", ...
+  bool replayed = false;  ///< taken from the store
 };
 struct ScanFitEnd {
   Fabric start, fabric;
@@ -177,6 +180,7 @@ struct ScanFitResult {
   double cost_start = 0, cost = 0;
   int iterations = 0;           ///< linearizations of the descent that led to `fabric`
   std::size_t evaluations = 0;  ///< of all descents, of all targets, with or without derivatives
+  std::size_t replayed = 0;     ///< of these, taken from the store
   std::vector<ScanFitStep> history;
   std::vector<ScanFitEnd> ends;  ///< one a start, the given one first
   std::vector<ParameterInterval> intervals;
