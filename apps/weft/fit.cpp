@@ -156,12 +156,9 @@ Fabric initial_fabric(const Arguments& arguments, const Capture& first) {
                   : arguments.model.empty()  ? Fabric::with_defaults(first.name)
                                              : Fabric::with_defaults(first.name, arguments.model);
   require_motion_model(fabric);
-  include_terms(arguments.include, fabric);
-  fabric.name = arguments.name.empty() ? first.name : arguments.name;
-  fabric.areal_density = first.areal_density;
-  fabric.provenance =
-      fmt::format("fitted to {} by weft " WEFT_VERSION, fmt::join(arguments.captures, ", "));
-  return fabric;
+  return start_of_fit(std::move(fabric), arguments.include,
+                      arguments.name.empty() ? first.name : arguments.name, first.areal_density,
+                      arguments.captures);
 }
 
 /// One bar a phase of the search.

@@ -24,12 +24,9 @@ Fabric start_fabric(const MechanicalFitArguments& arguments,
   Fabric fabric = arguments.initial.empty()
                       ? Fabric::with_defaults(captures.front().name, arguments.model)
                       : find_fabric(arguments.initial);
-  include_terms(arguments.include, fabric);
-  fabric.name = arguments.name.empty() ? captures.front().name : arguments.name;
-  fabric.areal_density = captures.front().areal_density;
-  fabric.provenance =
-      fmt::format("fitted to {} by weft " WEFT_VERSION, fmt::join(arguments.captures, ", "));
-  return fabric;
+  return start_of_fit(std::move(fabric), arguments.include,
+                      arguments.name.empty() ? captures.front().name : arguments.name,
+                      captures.front().areal_density, arguments.captures);
 }
 
 std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments,

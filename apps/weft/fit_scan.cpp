@@ -33,12 +33,9 @@ Fabric usual_fabric(const std::string& model) {
 Fabric start_fabric(const ScanFitArguments& arguments, const std::vector<ScanCapture>& captures) {
   Fabric fabric =
       arguments.initial.empty() ? usual_fabric(arguments.model) : find_fabric(arguments.initial);
-  include_terms(arguments.include, fabric);
-  fabric.name = arguments.name.empty() ? captures.front().name : arguments.name;
-  fabric.areal_density = captures.front().areal_density;
-  fabric.provenance =
-      fmt::format("fitted to {} by weft " WEFT_VERSION, fmt::join(arguments.captures, ", "));
-  return fabric;
+  return start_of_fit(std::move(fabric), arguments.include,
+                      arguments.name.empty() ? captures.front().name : arguments.name,
+                      captures.front().areal_density, arguments.captures);
 }
 
 /// The values of the fabric one by one; tied ones share the interval of what they are tied to.

@@ -1,11 +1,12 @@
 #include "options.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
 
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
 #include <limits>
+#include <utility>
 
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
@@ -161,9 +162,14 @@ CLI::Validator unsigned_integer() {
   return {check, "UINT64"};
 }
 
-void include_terms(const std::vector<std::string>& names, Fabric& fabric) {
-  check_parameters("--include", fabric.model, names);
-  for (const std::string& name : names) fabric.include(name);
+Fabric start_of_fit(Fabric fabric, const std::vector<std::string>& include, std::string name,
+                    double areal_density, const std::vector<std::string>& folders) {
+  check_parameters("--include", fabric.model, include);
+  for (const std::string& term : include) fabric.include(term);
+  fabric.name = std::move(name);
+  fabric.areal_density = areal_density;
+  fabric.provenance = fmt::format("fitted to {} by weft " WEFT_VERSION, fmt::join(folders, ", "));
+  return fabric;
 }
 
 void check_parameters(const std::string& option, const std::string& model,

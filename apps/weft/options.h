@@ -67,9 +67,11 @@ CLI::Validator number_in(double lower, double upper);
 /// Accepts what an unsigned integer of 64 bits can hold; CLI11 wraps a negative number around.
 CLI::Validator unsigned_integer();
 
-/// Takes the optional terms that --include names into the fabric. Throws Error for a name that its
-/// model does not have.
-void include_terms(const std::vector<std::string>& names, Fabric& fabric);
+/// `fabric` as the start of a fit to the captures in `folders`: with the optional terms that
+/// --include names, the areal density of the captures, `name`, and where it came from. Throws Error
+/// for a term that its model does not have.
+Fabric start_of_fit(Fabric fabric, const std::vector<std::string>& include, std::string name,
+                    double areal_density, const std::vector<std::string>& folders);
 
 /// Throws Error, with the option's name, for a parameter that the model does not have.
 void check_parameters(const std::string& option, const std::string& model,
