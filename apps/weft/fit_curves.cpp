@@ -41,9 +41,11 @@ void CurveFitArguments::add_to(CLI::App& command) {
           "once more")
       ->check(CLI::IsMember({"joint", "incremental"}))
       ->capture_default_str();
-  command.add_flag("--subdivide", subdivide_,
-                   "mechanical captures: stiffness curves, from one control point each to as many "
-                   "as lower the error by 1 % or more, on halved cells as well");
+  command.add_flag(
+      "--subdivide", subdivide_,
+      "mechanical captures: stiffness curves, from one control point each to as many "
+      "as lower the error by 1 % and by more than noise does (Schwarz's criterion), on "
+      "halved cells as well");
   command
       .add_option("--points", points_,
                   "mechanical captures: most control points of a curve with --subdivide")

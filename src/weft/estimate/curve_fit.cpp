@@ -484,7 +484,7 @@ class CurveFitter {
       if (!place_points(group, points, shapes.here, finer)) break;
       MechanicalFitResult found = stage(group, finer, pass, points, shapes.here, kept.weights);
       const std::size_t place = result_.stages.size() - 1;
-      result_.stages[place].kept = pays(kept.cost, found.cost_first) &&
+      result_.stages[place].kept = pays(group, kept.cost, found.cost_first, found.residual_count) &&
                                    pays_on_finer_cells(group, place, kept, found, shapes);
       if (!result_.stages[place].kept) break;
       fabric_ = found.fabric;
@@ -526,8 +526,14 @@ class CurveFitter {
     return points;
   }
 
-  bool pays(double before, double after) const {
-    return before - after >= options_.least_reduction * before;
+  /// By Schwarz's criterion, too (G. Schwarz, Annals of Statistics 6, 1978): of n numbers each
+  /// parameter more has to lower the sum of squares, in units of the noise, by ln n.
+  bool pays(const Group& group, double before, double after, std::size_t residuals) const {
+    const auto curves = std::count_if(group.rows.begin(), group.rows.end(),
+                                      [&](const auto& row) { return may_be_curve(fabric_, row); });
+    const auto n = static_cast<double>(residuals);
+    const double schwarz = static_cast<double>(curves) * std::log(n) / n;
+    return before - after >= std::max(options_.least_reduction * before, schwarz);
   }
 
   /// Of the stage at `place`, which ended at `found`, against the one before, at `kept`. Where it
@@ -541,7 +547,7 @@ class CurveFitter {
       before = cost_on_finer_cells(group, kept.fabric, kept.weights, shapes);
     if (std::isnan(before)) return true;
     after = cost_on_finer_cells(group, found.fabric, kept.weights, shapes);
-    return std::isnan(after) || pays(before, after);
+    return std::isnan(after) || pays(group, before, after, found.residual_count);
   }
 
   /// The least that the rows of `group` reach there, to second order about `estimate`.

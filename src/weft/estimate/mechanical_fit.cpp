@@ -747,6 +747,7 @@ class FitSearch {
     const auto begin = std::chrono::steady_clock::now();
     const VecX from = problem_.scaled(start);
     result_.start = problem_.fabric(from);
+    result_.residual_count = problem_.residual_count();
     if (problem_.weights().empty()) weigh(from);
     std::string reason;
     result_.cost_start = problem_.cost(from, &reason, &shapes_);
@@ -926,6 +927,7 @@ MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fa
   MechanicalProblem weighed = problem;
   const VecX x = problem.scaled(fabric);
   result.start = result.fabric = problem.fabric(x);
+  result.residual_count = problem.residual_count();
   if (weighed.weights().empty()) weighed.weigh_by(weighed.force_weights(x, &here));
   const Replays replays(problem);
   const MechanicalProblem::Linearization found = weighed.linearize(x, &here);

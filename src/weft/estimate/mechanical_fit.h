@@ -258,9 +258,10 @@ struct MechanicalFitResult {
   double cost_start = 0, cost = 0;  ///< each with the weights, and on the cells, of then
   /// Where the weights of the beginning led, with these; the cost without a noise of clips.
   double cost_first = 0;
-  ForceWeights weights;         ///< of the end
-  std::size_t evaluations = 0;  ///< of all frames, with or without derivatives
-  std::size_t replayed = 0;     ///< of these, taken from the store
+  std::size_t residual_count = 0;  ///< numbers that are compared: the cost times it is their sum
+  ForceWeights weights;            ///< of the end
+  std::size_t evaluations = 0;     ///< of all frames, with or without derivatives
+  std::size_t replayed = 0;        ///< of these, taken from the store
   std::vector<MechanicalFitStep> history;
   LeastSquaresEnd end = LeastSquaresEnd::max_iterations;
   /// Of the free parameters, by the jackknife over frames (uncertainty.h); empty with fewer than
