@@ -104,11 +104,10 @@ inline void add(const Scalar* from, int count, Scalar* to) {
 }
 
 /// a b^T for one tile of rows and kColumns columns; a has `depth` columns, and row j of b is that
-/// of column j of the product. Column by column to `use(j, v, product)`, v counting vectors of
-/// rows.
-template <class Scalar, int kColumns, class Use>
-inline void product_tile(const Scalar* a, const Scalar* b, int depth, std::ptrdiff_t ld,
-                         const Use& use) {
+/// of column j of c. To `write(at, product)` vector by vector, `at` its place in c.
+template <class Scalar, int kColumns, class Write>
+inline void product_tile(const Scalar* a, const Scalar* b, int depth, std::ptrdiff_t ld, Scalar* c,
+                         std::ptrdiff_t ldc, const Write& write) {
   constexpr int kVectors = kTileVectors<Scalar>;
   Vector<Scalar> total[kColumns][kVectors] = {};
   for (int k = 0; k < depth; ++k) {
@@ -120,31 +119,15 @@ inline void product_tile(const Scalar* a, const Scalar* b, int depth, std::ptrdi
     }
   }
   for (int j = 0; j < kColumns; ++j)
-    for (int v = 0; v < kVectors; ++v) use(j, v, total[j][v]);
+    for (int v = 0; v < kVectors; ++v) write(c + j * ldc + v * kWidth<Scalar>, total[j][v]);
 }
 
-/// Rows from `row` to `rows` of kColumns columns of c -= a b^T.
-template <class Scalar, int kColumns>
-inline void subtract_product(const Scalar* a, const Scalar* b, int depth, std::ptrdiff_t ld,
-                             Scalar* c, std::ptrdiff_t ldc, int row, int rows) {
+/// Rows from `row` to `rows` of kColumns columns, as above.
+template <class Scalar, int kColumns, class Write>
+inline void product_rows(const Scalar* a, const Scalar* b, int depth, std::ptrdiff_t ld, Scalar* c,
+                         std::ptrdiff_t ldc, int row, int rows, const Write& write) {
   for (; row < rows; row += kTileRows<Scalar>) {
-    product_tile<Scalar, kColumns>(a + row, b, depth, ld,
-                                   [&](int j, int v, const Vector<Scalar>& product) {
-                                     Scalar* at = c + row + j * ldc + v * kWidth<Scalar>;
-                                     store<Scalar>(at, load(at) - product);
-                                   });
-  }
-}
-
-/// The same rows become - a b^T.
-template <class Scalar, int kColumns>
-inline void negative_product(const Scalar* a, const Scalar* b, int depth, std::ptrdiff_t ld,
-                             Scalar* c, std::ptrdiff_t ldc, int row, int rows) {
-  for (; row < rows; row += kTileRows<Scalar>) {
-    product_tile<Scalar, kColumns>(
-        a + row, b, depth, ld, [&](int j, int v, const Vector<Scalar>& product) {
-          store<Scalar>(c + row + j * ldc + v * kWidth<Scalar>, -product);
-        });
+    product_tile<Scalar, kColumns>(a + row, b, depth, ld, c + row, ldc, write);
   }
 }
 
@@ -182,8 +165,9 @@ inline bool factorize_block(Scalar* block, std::ptrdiff_t ld, Scalar* inverse_di
 template <class Scalar, int kColumns>
 inline bool factorize_columns(Scalar* panel, std::ptrdiff_t ld, int rows, int first,
                               Scalar* inverse_diagonal) {
-  subtract_product<Scalar, kColumns>(panel, panel + first, first, ld, panel + first * ld, ld, first,
-                                     rows);
+  product_rows<Scalar, kColumns>(
+      panel, panel + first, first, ld, panel + first * ld, ld, first, rows,
+      [](Scalar* at, const Vector<Scalar>& product) { store<Scalar>(at, load(at) - product); });
   Scalar* block = panel + first * ld;  // its columns
   if (!factorize_block<Scalar, kColumns>(block + first, ld, inverse_diagonal + first)) return false;
   Scalar negative[kColumns][kColumns];
@@ -221,12 +205,14 @@ bool factorize_panel(Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
 template <class Scalar>
 void negative_square(const Scalar* a, int depth, std::ptrdiff_t ld, Scalar* c, std::ptrdiff_t ldc,
                      int size) {
+  const auto write = [](Scalar* at, const Vector<Scalar>& product) { store<Scalar>(at, -product); };
   int j = 0;
   for (; j + 6 <= size; j += 6) {
-    negative_product<Scalar, 6>(a, a + j, depth, ld, c + j * ldc, ldc, j, size);
+    product_rows<Scalar, 6>(a, a + j, depth, ld, c + j * ldc, ldc, j, size, write);
   }
-  if (j < size) negative_product<Scalar, 3>(a, a + j, depth, ld, c + j * ldc, ldc, j, size);
+  if (j < size) product_rows<Scalar, 3>(a, a + j, depth, ld, c + j * ldc, ldc, j, size, write);
 }
+
 /// x <- L^-1 x for the pivots, and what they leave for the rows below, with x of `rows` entries.
 template <class Scalar>
 void solve_forward(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,

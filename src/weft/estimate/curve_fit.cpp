@@ -12,6 +12,7 @@
 #include "weft/base/error.h"
 #include "weft/estimate/component_strains.h"
 #include "weft/estimate/content_hash.h"
+#include "weft/estimate/replays.h"
 
 namespace weft {
 namespace {
@@ -121,13 +122,13 @@ class CurveFitter {
     MechanicalShapes shapes;
     result.fit = assess_mechanical(problem(all, fabric_), fabric_, options_.fit, &shapes);
     const MechanicalProblem at_start = problem(all, start, result.fit.weights);
-    const std::size_t before = at_start.replayed();
+    const Replays replays(at_start);
     shapes = at_start.as_starts(shapes, "start");
     result.fit.cost_start = at_start.cost(at_start.scaled(start), nullptr, &shapes);
     result.fit.start = start;
     result.fit.history = history;
     result.fit.evaluations += evaluations + 1;
-    result.fit.replayed += replayed + at_start.replayed() - before;
+    result.fit.replayed += replayed + replays.since();
     result.fit.end = stopped_ ? LeastSquaresEnd::stopped : LeastSquaresEnd::small_reduction;
     result.fit.wall_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -512,10 +513,10 @@ class CurveFitter {
   /// With the weights of `fit`.
   double cost_of(const Group& group, const Fabric& fabric, const MechanicalFitResult& fit) {
     const MechanicalProblem p = problem(group, fabric, fit.weights);
-    const std::size_t before = p.replayed();
+    const Replays replays(p);
     const double cost = p.cost(p.scaled(fabric));
     ++result_.fit.evaluations;
-    result_.fit.replayed += p.replayed() - before;
+    result_.fit.replayed += replays.since();
     return cost;
   }
 
@@ -556,12 +557,12 @@ class CurveFitter {
     const double unknown = std::numeric_limits<double>::quiet_NaN();
     const MechanicalProblem here = problem(group, estimate, weights);
     const VecX scaled = here.scaled(estimate);
-    const std::size_t before = here.replayed();
+    const Replays replays(here);
     if (shapes.finer.empty()) shapes.finer = here.as_starts(shapes.here, group.name + "-finer");
     const auto finer = linearize_refined(here, scaled, nullptr, &shapes.finer);
     if (!finer) return unknown;  // more cells than may be
     ++result_.fit.evaluations;
-    result_.fit.replayed += here.replayed() - before;
+    result_.fit.replayed += replays.since();
     if (!std::isfinite(finer->model.cost)) return unknown;
     return least_cost(scaled, finer->model, residual_noise(here));
   }

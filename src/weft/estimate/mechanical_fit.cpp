@@ -11,6 +11,7 @@
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/packed_numbers.h"
+#include "weft/estimate/replays.h"
 #include "weft/estimate/residual_intervals.h"
 
 namespace weft {
@@ -699,18 +700,6 @@ void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
   result.condition = intervals.condition;
   add_friction_intervals(problem, found.friction, frictions, result);
 }
-
-/// Evaluations of a problem that its store knew.
-class Replays {
- public:
-  explicit Replays(const MechanicalProblem& problem)
-      : problem_(problem), before_(problem.replayed()) {}
-  std::size_t since() const { return problem_.replayed() - before_; }
-
- private:
-  const MechanicalProblem& problem_;
-  std::size_t before_;
-};
 
 }  // namespace
 

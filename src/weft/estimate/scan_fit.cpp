@@ -8,12 +8,12 @@
 #include <limits>
 #include <numeric>
 #include <optional>
-#include <utility>
 
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/packed_numbers.h"
+#include "weft/estimate/replays.h"
 #include "weft/fabric/orthotropic.h"
 
 namespace weft {
@@ -482,17 +482,18 @@ class Descent {
       return x;
     };
     double best = kInfinity;
-    std::size_t replays = problem_.replayed();
-    const auto count = [&](double cost) {
+    // Of each evaluation its cost, and whether it was taken from the store.
+    const auto count = [&](double cost, const Replays<ScanProblem>& replays) {
       best = std::min(best, cost);
-      const bool replayed = problem_.replayed() > std::exchange(replays, problem_.replayed());
-      result_.replayed += replayed;
-      result_.history.push_back({++result_.evaluations, cost, best, name_ + phase, replayed});
+      result_.replayed += replays.since();
+      result_.history.push_back(
+          {++result_.evaluations, cost, best, name_ + phase, replays.since() > 0});
       if (observer_ && !observer_(result_.history.back())) result_.stopped = true;
     };
     const LinearizeFunction linearize = [&](const VecX& part) {
+      const Replays replays(problem_);
       const QuadraticModel all = problem_.linearize(full(part)).model;
-      count(all.cost);
+      count(all.cost, replays);
       QuadraticModel own;
       own.cost = all.cost;
       own.gradient = all.gradient(free);
@@ -500,8 +501,9 @@ class Descent {
       return own;
     };
     const CostFunction cost = [&](const VecX& part) {
+      const Replays replays(problem_);
       const double value = problem_.cost(full(part));
-      count(value);
+      count(value, replays);
       return value;
     };
     const auto size = static_cast<Eigen::Index>(free.size());
@@ -597,10 +599,10 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
   result.start = result.ends.front().start;
   result.cost_start = result.ends.front().cost_start;
   problem.set_scales(result.scales);
-  const std::size_t replays = problem.replayed();
+  const Replays replays(problem);
   const ScanProblem::Linearization at_end = problem.linearize(*best);
   ++result.evaluations;
-  result.replayed += problem.replayed() - replays;
+  result.replayed += replays.since();
   result.inexact = at_end.inexact;
   result.shape_rms = at_end.shape_rms;
   result.force_rms = at_end.force_rms;
