@@ -141,6 +141,42 @@ TEST(FitCurves, StretchBeyondItsTestsIsFoundWithTheShear) {
             tied.fit.fabric.curve("weft_stretch").values());
 }
 
+// Springs resist shear and stretch with the same diagonals: what they cannot make of the shear's
+// forces a control point beyond the tests of stretch would, at the cost of these tests.
+TEST(FitCurves, StretchDoesNotLoseByAModelThatCannotShear) {
+  const test::TemporaryFolder folder;
+  Fabric truth = nonlinear_fabric();
+  truth.set_curve("weft_stretch", {Vec3(0, 0.01, 0.03), Vec3(1000, 4000, 12000)});
+  truth.set_curve("warp_stretch", {Vec3(0, 0.01, 0.03), Vec3(1000, 4000, 12000)});
+  truth.set_curve("shear", StiffnessCurve(500));
+  Trials trials;
+  for (const RigTest test : {RigTest::weft_stretch, RigTest::warp_stretch, RigTest::shear})
+    trials.push_back(trial_of(folder.path(), test, truth));
+  const Trials of_stretch(trials.begin(), trials.begin() + 2);
+  Fabric start = Fabric::with_defaults("springs", "springs");
+  start.areal_density = truth.areal_density;
+  for (const char* row : {"weft_stretch", "warp_stretch"})
+    start.set_curve(row, StiffnessCurve(4000));
+  start.set("shear", 500);
+  CurveFitOptions options;
+  options.shape = CurveShape::subdivided;
+  options.most_points = 3;
+  const std::vector<std::string> stretch{"weft_stretch", "warp_stretch"};
+  const CurveFitResult alone = fit_curves(of_stretch, start, stretch, options);
+  const CurveFitResult found =
+      fit_curves(trials, start, {"weft_stretch", "warp_stretch", "shear"}, options);
+  const auto cost_of_stretch = [&](const Fabric& fabric) {
+    const MechanicalProblem problem(of_stretch, fabric, fabric.value_names(), options.cost);
+    return problem.cost(problem.scaled(fabric));
+  };
+  const double least = cost_of_stretch(alone.fit.fabric);
+  // What a control point less would have to cost to pay, of the numbers of one test.
+  const double allowed = 0.05;
+  EXPECT_LT(cost_of_stretch(found.fit.fabric), least + allowed);
+  const auto given_back = [](const CurveFitStage& s) { return s.name == "shear" && !s.kept; };
+  EXPECT_EQ(std::ranges::count_if(found.stages, given_back), 1);
+}
+
 // Shear is found before the bends, and of a limp fabric it takes up what is wrong with them.
 TEST(FitCurves, ShearIsSubdividedAnewWhereTheBendsHaveChangedItsCost) {
   const test::TemporaryFolder folder;

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "weft/base/error.h"
 #include "weft/estimate/component_strains.h"
@@ -394,22 +395,77 @@ class CurveFitter {
     fabric_ = found.fabric;
     if (options_.shape != CurveShape::subdivided || stopped_) return;
     if (pass > 1) {
-      if (is_shear(group) && std::abs(found.cost / shear_cost_ - 1) > kBendsMatter)
+      const auto first = first_pass_.find(group.name);
+      if (is_shear(group) && first != first_pass_.end() &&
+          std::abs(found.cost / first->second.cost - 1) > kBendsMatter)
         subdivide_anew(group, pass, found, shapes);
       return;
     }
-    if (is_shear(group) && lengthen_stretch(group, shapes.here)) {
-      found = stage(group, fabric_, pass, points, shapes.here);
-      fabric_ = found.fabric;
-    }
+    if (is_shear(group)) found = fit_longer_stretch(group, std::move(found), shapes);
     found = subdivide(group, std::move(found), shapes, pass);
-    if (is_shear(group)) shear_cost_ = found.cost;
+    first_pass_.emplace(group.name, std::move(found));
+  }
+
+  /// The shear with longer curves of stretch where it needs them and where they leave the tests of
+  /// stretch as they were found. `shorter`: the shear without them.
+  MechanicalFitResult fit_longer_stretch(const Group& shear, MechanicalFitResult shorter,
+                                         Shapes& shapes) {
+    lengthen_stretch(shear, shapes.here);
+    while (!longer_.empty() && !stopped_) {
+      MechanicalFitResult found = stage(shear, fabric_, 1, most_points_of(shear), shapes.here);
+      fabric_ = found.fabric;
+      const std::size_t place = result_.stages.size() - 1;
+      if (!shorten_where_stretch_loses(shorter.fabric)) return found;
+      result_.stages[place].kept = false;
+    }
+    fabric_ = shorter.fabric;
+    return shorter;
+  }
+
+  /// Gives curves of stretch that their tests lose by back what they are in `shorter`. False where
+  /// there is none.
+  bool shorten_where_stretch_loses(const Fabric& shorter) {
+    std::vector<std::string> kept;
+    for (const std::string& row : longer_)
+      if (!stretch_loses(row)) kept.push_back(row);
+    const bool lost = kept.size() < longer_.size();
+    for (const std::string& row : longer_) {
+      if (std::ranges::find(kept, row) != kept.end()) continue;
+      fabric_.set_curve(row, shorter.curve(row));
+      for (const ParameterTie& tie : tied_)
+        if (tie.leader == row) copy_to_follower(tie, fabric_);
+    }
+    longer_ = std::move(kept);
+    return lost;
+  }
+
+  /// A control point beyond the tests of stretch bends the curve inside them, too. Where a model
+  /// cannot make the forces of the shear, it is found where it makes up for that, and stretch gets
+  /// worse by so much that a control point less pays, even if its other values are found again.
+  bool stretch_loses(const std::string& row) {
+    for (const Group& group : groups()) {
+      const auto first = first_pass_.find(group.name);
+      const bool searched = std::ranges::find(group.rows, row) != group.rows.end();
+      if (!searched || first == first_pass_.end()) continue;
+      const MechanicalFitResult& before = first->second;
+      const auto less_pays = [&](double cost) {
+        return pays(group, cost, before.cost, before.residual_count);
+      };
+      if (!less_pays(cost_of(group, fabric_, before))) continue;
+      Shapes shapes(group);
+      const MechanicalFitResult again =
+          stage(group, fabric_, 1, most_points_of(group), shapes.here, before.weights);
+      result_.stages.back().kept = !less_pays(again.cost_first);
+      if (!result_.stages.back().kept) return true;
+      fabric_ = again.fabric;
+    }
+    return false;
   }
 
   /// Threads that are sheared between stiff bars may be stretched beyond what the tests of stretch
   /// show, where a curve is constant and shear would make up for it: one more control point there,
-  /// which is found with the shear, from all forces. False where no curve needs one.
-  bool lengthen_stretch(const Group& shear, const MechanicalShapes& shapes) {
+  /// which is found with the shear, from all forces.
+  void lengthen_stretch(const Group& shear, const MechanicalShapes& shapes) {
     for (const std::string& row : rows_) {
       const Step step = step_of(row)->step;
       if (step != Step::weft_stretch && step != Step::warp_stretch) continue;
@@ -430,7 +486,6 @@ class CurveFitter {
         if (tie.leader == row) copy_to_follower(tie, fabric_);
       longer_.push_back(row);
     }
-    return !longer_.empty();
   }
 
   /// What runs off to an end of its range follows something else, such as the error of the mesh;
@@ -641,7 +696,7 @@ class CurveFitter {
   const CurveFitOptions& options_;
   const CurveFitObserver& observer_;
   CurveFitResult result_;
-  double shear_cost_ = 0;  ///< where its first pass ended
+  std::map<std::string, MechanicalFitResult, std::less<>> first_pass_;  ///< by group
   bool stopped_ = false;
 };
 
