@@ -34,6 +34,13 @@ RigOptions small_rig() {
   return options;
 }
 
+CurveFitOptions up_to_three_points() {
+  CurveFitOptions options;
+  options.shape = CurveShape::subdivided;
+  options.most_points = 3;
+  return options;
+}
+
 Fabric nonlinear_fabric() {
   Fabric fabric = Fabric::with_defaults("test", "stvk-diagonal");
   fabric.areal_density = 0.2;
@@ -81,9 +88,7 @@ TEST(FitCurves, IncrementalOrderFindsCurvesFromStartsWrongByTen) {
   start.set("shear", 350);
   start.set("weft_bend", 8e-5);
   start.set("warp_bend", 3e-4);
-  CurveFitOptions options;
-  options.shape = CurveShape::subdivided;
-  options.most_points = 3;
+  CurveFitOptions options = up_to_three_points();
   options.passes = 1;
   const std::vector<std::string> rows{"weft_stretch", "warp_stretch", "shear", "warp_bend"};
   const CurveFitResult found = fit_curves(trials, start, rows, options);
@@ -103,25 +108,35 @@ TEST(FitCurves, IncrementalOrderFindsCurvesFromStartsWrongByTen) {
   EXPECT_NEAR(found.fit.fabric.curve("warp_bend").stiffness(curvature), bend, 0.03 * bend);
 }
 
+/// Soon much stiffer as it is stretched, so that its shear stretches it further than its tests of
+/// stretch.
+Fabric stiffening_fabric() {
+  Fabric fabric = nonlinear_fabric();
+  for (const char* row : {"weft_stretch", "warp_stretch"})
+    fabric.set_curve(row, {Vec3(0, 0.01, 0.03), Vec3(1000, 4000, 12000)});
+  fabric.set_curve("shear", StiffnessCurve(500));
+  return fabric;
+}
+
+Trials stretch_and_shear(const std::filesystem::path& folder, const Fabric& fabric) {
+  Trials trials;
+  for (const RigTest test : {RigTest::weft_stretch, RigTest::warp_stretch, RigTest::shear})
+    trials.push_back(trial_of(folder, test, fabric));
+  return trials;
+}
+
 // Of a fabric that stiffens as it is stretched, sheared between bars that hold its threads: these
 // are stretched beyond the tests of stretch, and without control points there the shear, which is
 // as stiff, would make up for them.
 TEST(FitCurves, StretchBeyondItsTestsIsFoundWithTheShear) {
   const test::TemporaryFolder folder;
-  Fabric truth = nonlinear_fabric();
-  truth.set_curve("weft_stretch", {Vec3(0, 0.01, 0.03), Vec3(1000, 4000, 12000)});
-  truth.set_curve("warp_stretch", {Vec3(0, 0.01, 0.03), Vec3(1000, 4000, 12000)});
-  truth.set_curve("shear", StiffnessCurve(500));
-  Trials trials;
-  for (const RigTest test : {RigTest::weft_stretch, RigTest::warp_stretch, RigTest::shear})
-    trials.push_back(trial_of(folder.path(), test, truth));
+  const Fabric truth = stiffening_fabric();
+  const Trials trials = stretch_and_shear(folder.path(), truth);
   Fabric start = truth;
   for (const char* row : {"weft_stretch", "warp_stretch"})
     start.set_curve(row, StiffnessCurve(4000));
   start.set("shear", 2000);
-  CurveFitOptions options;
-  options.shape = CurveShape::subdivided;
-  options.most_points = 3;
+  CurveFitOptions options = up_to_three_points();
   const CurveFitResult found =
       fit_curves(trials, start, {"weft_stretch", "warp_stretch", "shear"}, options);
   const StiffnessCurve weft = found.fit.fabric.curve("weft_stretch");
@@ -145,22 +160,15 @@ TEST(FitCurves, StretchBeyondItsTestsIsFoundWithTheShear) {
 // forces a control point beyond the tests of stretch would, at the cost of these tests.
 TEST(FitCurves, StretchDoesNotLoseByAModelThatCannotShear) {
   const test::TemporaryFolder folder;
-  Fabric truth = nonlinear_fabric();
-  truth.set_curve("weft_stretch", {Vec3(0, 0.01, 0.03), Vec3(1000, 4000, 12000)});
-  truth.set_curve("warp_stretch", {Vec3(0, 0.01, 0.03), Vec3(1000, 4000, 12000)});
-  truth.set_curve("shear", StiffnessCurve(500));
-  Trials trials;
-  for (const RigTest test : {RigTest::weft_stretch, RigTest::warp_stretch, RigTest::shear})
-    trials.push_back(trial_of(folder.path(), test, truth));
+  const Fabric truth = stiffening_fabric();
+  const Trials trials = stretch_and_shear(folder.path(), truth);
   const Trials of_stretch(trials.begin(), trials.begin() + 2);
   Fabric start = Fabric::with_defaults("springs", "springs");
   start.areal_density = truth.areal_density;
   for (const char* row : {"weft_stretch", "warp_stretch"})
     start.set_curve(row, StiffnessCurve(4000));
   start.set("shear", 500);
-  CurveFitOptions options;
-  options.shape = CurveShape::subdivided;
-  options.most_points = 3;
+  const CurveFitOptions options = up_to_three_points();
   const std::vector<std::string> stretch{"weft_stretch", "warp_stretch"};
   const CurveFitResult alone = fit_curves(of_stretch, start, stretch, options);
   const CurveFitResult found =
@@ -189,9 +197,7 @@ TEST(FitCurves, ShearIsSubdividedAnewWhereTheBendsHaveChangedItsCost) {
   Trials trials;
   for (const RigTest test : {RigTest::shear, RigTest::weft_bend, RigTest::warp_bend})
     trials.push_back(trial_of(folder.path(), test, truth));
-  CurveFitOptions options;
-  options.shape = CurveShape::subdivided;
-  options.most_points = 3;
+  const CurveFitOptions options = up_to_three_points();
   /// Stages of the shear in the second pass.
   const auto second_pass = [&](double factor) {
     Fabric start = truth;

@@ -215,6 +215,13 @@ class CurveFitter {
       fabric.set(tie.follower, fabric.value(tie.leader));
   }
 
+  /// Of a row and of those that follow it.
+  void set_curve(const std::string& row, const StiffnessCurve& curve, Fabric& fabric) const {
+    fabric.set_curve(row, curve);
+    for (const ParameterTie& tie : tied_)
+      if (tie.leader == row) copy_to_follower(tie, fabric);
+  }
+
   // Groups.
 
   Trials trials_for(const std::string& row) const {
@@ -425,18 +432,14 @@ class CurveFitter {
   /// Gives curves of stretch that their tests lose by back what they are in `shorter`. False where
   /// there is none.
   bool shorten_where_stretch_loses(const Fabric& shorter) {
-    std::vector<std::string> kept;
+    std::vector<std::string> losing;
     for (const std::string& row : longer_)
-      if (!stretch_loses(row)) kept.push_back(row);
-    const bool lost = kept.size() < longer_.size();
-    for (const std::string& row : longer_) {
-      if (std::ranges::find(kept, row) != kept.end()) continue;
-      fabric_.set_curve(row, shorter.curve(row));
-      for (const ParameterTie& tie : tied_)
-        if (tie.leader == row) copy_to_follower(tie, fabric_);
+      if (stretch_loses(row)) losing.push_back(row);
+    for (const std::string& row : losing) {
+      set_curve(row, shorter.curve(row), fabric_);
+      std::erase(longer_, row);
     }
-    longer_ = std::move(kept);
-    return lost;
+    return !losing.empty();
   }
 
   /// A control point beyond the tests of stretch bends the curve inside them, too. Where a model
@@ -481,9 +484,7 @@ class CurveFitter {
       const double slope = (curve.values()[n - 1] - curve.values()[n - 2]) /
                            (curve.knots()[n - 1] - curve.knots()[n - 2]);
       values << curve.values(), curve.values()[n - 1] + std::max(0.0, slope) * (reached - end);
-      fabric_.set_curve(row, StiffnessCurve(knots, values));
-      for (const ParameterTie& tie : tied_)
-        if (tie.leader == row) copy_to_follower(tie, fabric_);
+      set_curve(row, StiffnessCurve(knots, values), fabric_);
       longer_.push_back(row);
     }
   }
@@ -631,9 +632,7 @@ class CurveFitter {
       const StrainRange range = occurring(group, row, shapes);
       if (!(range.upper > range.lower)) continue;
       const VecX knots = VecX::LinSpaced(points, range.lower, range.upper);
-      fabric.set_curve(row, fabric.curve(row).resampled(knots));
-      for (const ParameterTie& tie : tied_)
-        if (tie.leader == row) copy_to_follower(tie, fabric);
+      set_curve(row, fabric.curve(row).resampled(knots), fabric);
       placed = true;
     }
     return placed;

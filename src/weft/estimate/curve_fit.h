@@ -18,9 +18,9 @@ enum class FitOrder {
   /// bend begins in the proportion to the other two that it has in the start. Where threads are
   /// stretched by a tenth more in the shear than in their own tests, curves that are subdivided get
   /// a control point there, which is found with the shear, from all components of its forces, and
-  /// given back where the tests of stretch lose by it. Where
-  /// the bends that were found have changed the shear's cost by 5 %, it is subdivided anew in
-  /// the second pass: it may have got control points for what was wrong with them.
+  /// given back where the tests of stretch lose by it. Where the bends that were found have changed
+  /// the shear's cost by 5 %, it is subdivided anew in the second pass: it may have got control
+  /// points for what was wrong with them.
   incremental
 };
 /// "joint", "incremental". Throws Error for another name.
