@@ -73,6 +73,32 @@ inline Vector<float> multiply_add(Vector<float> a, Vector<float> b, Vector<float
 #endif
 }
 
+/// c - a * b, the same way.
+inline Vector<double> subtract_product(Vector<double> a, Vector<double> b, Vector<double> c) {
+#if defined(__AVX512F__)
+  return _mm512_fnmadd_pd(a, b, c);
+#elif defined(__FMA__)
+  return _mm256_fnmadd_pd(a, b, c);
+#else
+  return c - a * b;
+#endif
+}
+inline Vector<float> subtract_product(Vector<float> a, Vector<float> b, Vector<float> c) {
+#if defined(__AVX512F__)
+  return _mm512_fnmadd_ps(a, b, c);
+#elif defined(__FMA__)
+  return _mm256_fnmadd_ps(a, b, c);
+#else
+  return c - a * b;
+#endif
+}
+
+/// A vector of `value`. (Added to zero instead, it would cost an addition: -0 + 0 is not -0.)
+template <class Scalar>
+inline Vector<Scalar> broadcast(Scalar value) {
+  return value - Vector<Scalar>{};
+}
+
 template <class Scalar>
 inline Scalar sum(const Vector<Scalar>& v) {
   Scalar total = 0;
@@ -114,7 +140,7 @@ inline void product_tile(const Scalar* a, const Scalar* b, int depth, std::ptrdi
     Vector<Scalar> left[kVectors];
     for (int v = 0; v < kVectors; ++v) left[v] = load(a + k * ld + v * kWidth<Scalar>);
     for (int j = 0; j < kColumns; ++j) {
-      const Vector<Scalar> right = Vector<Scalar>{} + b[k * ld + j];
+      const Vector<Scalar> right = broadcast(b[k * ld + j]);
       for (int v = 0; v < kVectors; ++v) total[j][v] = multiply_add(left[v], right, total[j][v]);
     }
   }
@@ -170,9 +196,6 @@ inline bool factorize_columns(Scalar* panel, std::ptrdiff_t ld, int rows, int fi
       [](Scalar* at, const Vector<Scalar>& product) { store<Scalar>(at, load(at) - product); });
   Scalar* block = panel + first * ld;  // its columns
   if (!factorize_block<Scalar, kColumns>(block + first, ld, inverse_diagonal + first)) return false;
-  Scalar negative[kColumns][kColumns];
-  for (int k = 0; k < kColumns; ++k)
-    for (int j = k + 1; j < kColumns; ++j) negative[k][j] = -block[k * ld + first + j];
   for (int row = first + kColumns; row < rows; row += kWidth<Scalar>) {
     Vector<Scalar> x[kColumns];
 #pragma GCC unroll 8
@@ -180,7 +203,7 @@ inline bool factorize_columns(Scalar* panel, std::ptrdiff_t ld, int rows, int fi
       x[j] = load(block + j * ld + row);
 #pragma GCC unroll 8
       for (int k = 0; k < j; ++k)
-        x[j] = multiply_add(x[k], Vector<Scalar>{} + negative[k][j], x[j]);
+        x[j] = subtract_product(x[k], broadcast(block[k * ld + first + j]), x[j]);
       x[j] *= inverse_diagonal[first + j];
       store<Scalar>(block + j * ld + row, x[j]);
     }
@@ -224,14 +247,14 @@ void solve_forward(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
     x[q] *= inverse_diagonal[q];
     x[q + 1] = (x[q + 1] - l0[q + 1] * x[q]) * inverse_diagonal[q + 1];
     x[q + 2] = (x[q + 2] - l0[q + 2] * x[q] - l1[q + 2] * x[q + 1]) * inverse_diagonal[q + 2];
-    const Vector<Scalar> x0 = Vector<Scalar>{} - x[q];
-    const Vector<Scalar> x1 = Vector<Scalar>{} - x[q + 1];
-    const Vector<Scalar> x2 = Vector<Scalar>{} - x[q + 2];
+    const Vector<Scalar> x0 = broadcast(x[q]);
+    const Vector<Scalar> x1 = broadcast(x[q + 1]);
+    const Vector<Scalar> x2 = broadcast(x[q + 2]);
     for (int i = q + 3; i < rows; i += kWidth<Scalar>) {
       Vector<Scalar> v = load(x + i);
-      v = multiply_add(load(l0 + i), x0, v);
-      v = multiply_add(load(l1 + i), x1, v);
-      v = multiply_add(load(l2 + i), x2, v);
+      v = subtract_product(load(l0 + i), x0, v);
+      v = subtract_product(load(l1 + i), x1, v);
+      v = subtract_product(load(l2 + i), x2, v);
       store<Scalar>(x + i, v);
     }
   }
@@ -260,66 +283,83 @@ void solve_backward(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots
   }
 }
 
-/// kDirections numbers side by side: a row of several right-hand sides.
+/// Several right-hand sides side by side: x has kDirections numbers a row. A group of them is worked
+/// on at once, as many vectors as stay in registers for six pivots.
 template <class Scalar>
-struct RowOf {
-  typedef Scalar type __attribute__((vector_size(kDirections * sizeof(Scalar))));
-};
+inline constexpr int kGroupVectors = kDirections > kWidth<Scalar> ? 2 : 1;
 template <class Scalar>
-using Row = typename RowOf<Scalar>::type;
+inline constexpr int kGroup = kGroupVectors<Scalar>* kWidth<Scalar>;
+static_assert(kDirections % kGroup<float> == 0 && kDirections % kGroup<double> == 0);
 
-template <class Scalar>
-inline Row<Scalar> load_row(const Scalar* x, int row) {
-  Row<Scalar> v;
-  std::memcpy(&v, x + std::ptrdiff_t{kDirections} * row, sizeof v);
-  return v;
-}
-template <class Scalar>
-inline void store_row(Scalar* x, int row, const Row<Scalar>& v) {
-  std::memcpy(x + std::ptrdiff_t{kDirections} * row, &v, sizeof v);
-}
-
-/// solve_forward_rows for the pivots q to q + kColumns.
+/// solve_forward_rows for the pivots q to q + kColumns; x begins with the group's first column.
 template <class Scalar, int kColumns>
 inline void solve_forward_rows_at(int q, const Scalar* panel, std::ptrdiff_t ld, int rows,
                                   const Scalar* inverse_diagonal, Scalar* x) {
+  constexpr int kVectors = kGroupVectors<Scalar>, kW = kWidth<Scalar>;
   const Scalar* l = panel + q * ld;
-  Row<Scalar> pivot[kColumns];
+  Vector<Scalar> pivot[kColumns][kVectors];
 #pragma GCC unroll 8
   for (int j = 0; j < kColumns; ++j) {
-    pivot[j] = load_row(x, q + j);
+    Scalar* at = x + std::ptrdiff_t{kDirections} * (q + j);
+    for (int v = 0; v < kVectors; ++v) pivot[j][v] = load(at + v * kW);
 #pragma GCC unroll 8
-    for (int k = 0; k < j; ++k) pivot[j] -= l[k * ld + q + j] * pivot[k];
-    pivot[j] *= inverse_diagonal[q + j];
-    store_row<Scalar>(x, q + j, pivot[j]);
+    for (int k = 0; k < j; ++k) {
+      const Vector<Scalar> factor = broadcast(l[k * ld + q + j]);
+      for (int v = 0; v < kVectors; ++v)
+        pivot[j][v] = subtract_product(factor, pivot[k][v], pivot[j][v]);
+    }
+    for (int v = 0; v < kVectors; ++v) {
+      pivot[j][v] *= inverse_diagonal[q + j];
+      store<Scalar>(at + v * kW, pivot[j][v]);
+    }
   }
   for (int i = q + kColumns; i < rows; ++i) {
-    Row<Scalar> v = load_row(x, i);
+    Scalar* at = x + std::ptrdiff_t{kDirections} * i;
+    Vector<Scalar> row[kVectors];
+    for (int v = 0; v < kVectors; ++v) row[v] = load(at + v * kW);
 #pragma GCC unroll 8
-    for (int j = 0; j < kColumns; ++j) v -= l[j * ld + i] * pivot[j];
-    store_row<Scalar>(x, i, v);
+    for (int j = 0; j < kColumns; ++j) {
+      const Vector<Scalar> factor = broadcast(l[j * ld + i]);
+      for (int v = 0; v < kVectors; ++v) row[v] = subtract_product(factor, pivot[j][v], row[v]);
+    }
+    for (int v = 0; v < kVectors; ++v) store<Scalar>(at + v * kW, row[v]);
   }
 }
 
-/// solve_backward_rows for the pivots q to q + kColumns.
+/// solve_backward_rows for the pivots q to q + kColumns; x begins with the group's first column.
 template <class Scalar, int kColumns>
 inline void solve_backward_rows_at(int q, const Scalar* panel, std::ptrdiff_t ld, int rows,
                                    const Scalar* inverse_diagonal, Scalar* x) {
+  constexpr int kVectors = kGroupVectors<Scalar>, kW = kWidth<Scalar>;
   const Scalar* l = panel + q * ld;
-  Row<Scalar> pivot[kColumns];
+  Scalar* const first = x + std::ptrdiff_t{kDirections} * q;
+  Vector<Scalar> pivot[kColumns][kVectors];
 #pragma GCC unroll 8
-  for (int j = 0; j < kColumns; ++j) pivot[j] = load_row(x, q + j);
+  for (int j = 0; j < kColumns; ++j)
+    for (int v = 0; v < kVectors; ++v) pivot[j][v] = load(first + j * kDirections + v * kW);
   for (int i = q + kColumns; i < rows; ++i) {
-    const Row<Scalar> v = load_row(x, i);
+    Vector<Scalar> row[kVectors];
+    for (int v = 0; v < kVectors; ++v)
+      row[v] = load(x + std::ptrdiff_t{kDirections} * i + v * kW);
 #pragma GCC unroll 8
-    for (int j = 0; j < kColumns; ++j) pivot[j] -= l[j * ld + i] * v;
+    for (int j = 0; j < kColumns; ++j) {
+      const Vector<Scalar> factor = broadcast(l[j * ld + i]);
+      for (int v = 0; v < kVectors; ++v)
+        pivot[j][v] = subtract_product(factor, row[v], pivot[j][v]);
+    }
   }
 #pragma GCC unroll 8
   for (int j = kColumns - 1; j >= 0; --j) {
 #pragma GCC unroll 8
-    for (int k = j + 1; k < kColumns; ++k) pivot[j] -= l[j * ld + q + k] * pivot[k];
-    pivot[j] *= inverse_diagonal[q + j];
-    store_row<Scalar>(x, q + j, pivot[j]);
+    for (int k = j + 1; k < kColumns; ++k) {
+      const Vector<Scalar> factor = broadcast(l[j * ld + q + k]);
+      for (int v = 0; v < kVectors; ++v)
+        pivot[j][v] = subtract_product(factor, pivot[k][v], pivot[j][v]);
+    }
+    for (int v = 0; v < kVectors; ++v) {
+      pivot[j][v] *= inverse_diagonal[q + j];
+      store<Scalar>(first + j * kDirections + v * kW, pivot[j][v]);
+    }
   }
 }
 
@@ -327,23 +367,28 @@ inline void solve_backward_rows_at(int q, const Scalar* panel, std::ptrdiff_t ld
 template <class Scalar>
 void solve_forward_rows(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
                         const Scalar* inverse_diagonal, Scalar* x) {
-  int q = 0;
-  for (; q + 6 <= pivots; q += 6)
-    solve_forward_rows_at<Scalar, 6>(q, panel, ld, rows, inverse_diagonal, x);
-  if (q < pivots) solve_forward_rows_at<Scalar, 3>(q, panel, ld, rows, inverse_diagonal, x);
+  for (int group = 0; group < kDirections; group += kGroup<Scalar>) {
+    int q = 0;
+    for (; q + 6 <= pivots; q += 6)
+      solve_forward_rows_at<Scalar, 6>(q, panel, ld, rows, inverse_diagonal, x + group);
+    if (q < pivots)
+      solve_forward_rows_at<Scalar, 3>(q, panel, ld, rows, inverse_diagonal, x + group);
+  }
 }
 
 /// solve_backward for kDirections right-hand sides.
 template <class Scalar>
 void solve_backward_rows(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
                          const Scalar* inverse_diagonal, Scalar* x) {
-  int q = pivots;
-  if (q % 6 != 0) {
-    q -= 3;
-    solve_backward_rows_at<Scalar, 3>(q, panel, ld, rows, inverse_diagonal, x);
+  for (int group = 0; group < kDirections; group += kGroup<Scalar>) {
+    int q = pivots;
+    if (q % 6 != 0) {
+      q -= 3;
+      solve_backward_rows_at<Scalar, 3>(q, panel, ld, rows, inverse_diagonal, x + group);
+    }
+    for (q -= 6; q >= 0; q -= 6)
+      solve_backward_rows_at<Scalar, 6>(q, panel, ld, rows, inverse_diagonal, x + group);
   }
-  for (q -= 6; q >= 0; q -= 6)
-    solve_backward_rows_at<Scalar, 6>(q, panel, ld, rows, inverse_diagonal, x);
 }
 
 }  // namespace weft::dense
