@@ -122,6 +122,29 @@ TEST(LeastSquares, AnInfiniteCostIsARejectedStep) {
   EXPECT_NEAR(found.x[0], std::exp(-2), 1e-7);
 }
 
+TEST(LeastSquares, AnInfiniteCostShortensStepsAndDoesNotDampThoseAfterIt) {
+  // Linear, but for costs that are infinite further than 0.1 from where the last model was made: as
+  // equilibria that are not found from afar. Steps of 0.3 / 4 and then at most twice the last.
+  double from = 0;
+  const auto residual = [](const VecX& x) { return 1e3 * (x[0] - 0.5); };
+  const auto model = [&](const VecX& x) {
+    from = x[0];
+    const double r = residual(x);
+    return QuadraticModel{r * r, VecX::Constant(1, 2e3 * r), MatX::Constant(1, 1, 2e6)};
+  };
+  const auto cost = [&](const VecX& x) {
+    if (std::abs(x[0] - from) > 0.1) return std::numeric_limits<double>::infinity();
+    return residual(x) * residual(x);
+  };
+  LeastSquaresOptions options = tight();
+  options.largest_step = 0.3;
+  const LeastSquaresResult found = minimize_least_squares(
+      model, cost, VecX::Constant(1, 0), VecX::Constant(1, -1), VecX::Constant(1, 1), options);
+  EXPECT_NEAR(found.x[0], 0.5, 1e-8);
+  // 0.075 six times and the rest, then the end is seen; 14 with damping in the box's place.
+  EXPECT_LE(found.iterations, 9);
+}
+
 TEST(LeastSquares, AnInfiniteStartIsSaid) {
   const double infinity = std::numeric_limits<double>::infinity();
   const LeastSquaresResult found = minimize_least_squares(

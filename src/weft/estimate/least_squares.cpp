@@ -156,8 +156,13 @@ class LevenbergMarquardt {
       ++result_.evaluations;
       tried.accepted = tried.cost < model.cost;
       const double predicted = -(model.gradient.dot(step) + 0.5 * step.dot(model.hessian * step));
-      adapt((model.cost - tried.cost) / predicted, scale_of(model));
+      if (std::isfinite(tried.cost)) {
+        adapt((model.cost - tried.cost) / predicted, scale_of(model));
+      } else {
+        room_ = 0.5 * length;
+      }
       if (tried.accepted) {
+        room_ = std::min(2 * room_, options_.largest_step);
         result_.x = tried.x;
         result_.cost = tried.cost;
       }
@@ -180,9 +185,8 @@ class LevenbergMarquardt {
   VecX solve(const QuadraticModel& model) const {
     MatX damped = model.hessian;
     damped.diagonal().array() += damping_;
-    const double room = options_.largest_step;
-    return minimize_in_box(damped, model.gradient, (lower_ - result_.x).cwiseMax(-room),
-                           (upper_ - result_.x).cwiseMin(room));
+    return minimize_in_box(damped, model.gradient, (lower_ - result_.x).cwiseMax(-room_),
+                           (upper_ - result_.x).cwiseMin(room_));
   }
 
   void adapt(double gain, double scale) {
@@ -191,7 +195,6 @@ class LevenbergMarquardt {
       damping_ = std::max(damping_, kLeastDamping * scale);
       raise_ = 2;
     } else {
-      // NaN (an infinite cost) comes here, too.
       damping_ *= raise_;
       raise_ *= 2;
     }
@@ -204,6 +207,9 @@ class LevenbergMarquardt {
   const LeastSquaresOptions& options_;
   const LeastSquaresObserver& observer_;
   double damping_ = 0, raise_ = 2;
+  // How far a coordinate may move: less than largest_step where the cost was infinite, which says
+  // how far is too far, but nothing of the curvature that damping stands for.
+  double room_ = options_.largest_step;
   LeastSquaresResult result_;
 };
 

@@ -56,7 +56,8 @@ struct LeastSquaresResult {
 /// exactly (a quadratic program, solved by its active set), and lambda follows the agreement of
 /// model and cost (Nielsen 1999). lambda multiplies the identity, not the diagonal of H:
 /// coordinates are scaled to their ranges, and a direction that the data do not determine shall not
-/// move.
+/// move. Where the cost is infinite (no equilibrium, say) the box is halved instead, and doubles
+/// again with each step that is taken: how far is too far says nothing of the curvature.
 ///
 /// Written for few unknowns and very many residuals: a video has millions, whose Jacobian is never
 /// stored; its products are summed frame by frame. Ceres evaluates residual blocks with their
