@@ -1,9 +1,9 @@
 /// Fits to captures of the computed rig, whose fabrics are known: how well the curves of the
 /// generating model come back from starts wrong by a factor of 10, how the fit predicts the tests
-/// that it did not see, the two orders of fitting beside each other, and what other models and
-/// simpler variants leave as residual.
+/// that it did not see, the two orders of fitting beside each other, what other models and
+/// simpler variants leave as residual, and the least error that the noise allows any fit.
 ///
-///     weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME]
+///     weft_validate_rig OUT [recovery] [orders] [table] [bound] [--fabric NAME] [--model NAME]
 ///                       [--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N]
 ///                       [--uniform] [--no-noise] [--noise P,C,F,R] [--skip ROW]
 ///                       [--only ROW] [--cord-friction auto|fit|none] [--no-mesh-error]
@@ -242,6 +242,81 @@ void recovery(const Arguments& arguments, const std::string& name, FitOrder orde
   }
 }
 
+/// The values of the curves that a bend over a straight edge determines, in the order of their
+/// rows.
+std::vector<std::string> control_values(const Fabric& truth) {
+  std::vector<std::string> names;
+  for (const ThreadParameter& p : kThreadParameters) {
+    if (p.name == "diagonal_bend") continue;
+    const int first = truth.first_value(p.name);
+    for (int i = 0; i < truth.curve(p.name).size(); ++i)
+      names.emplace_back(truth.info(first + i).name);
+  }
+  return names;
+}
+
+/// Of log k at each strain, by the scaled values of the row's curve.
+MatX log_slopes(const Fabric& truth, std::string_view row, const std::vector<double>& strains) {
+  const StiffnessCurve curve = truth.curve(row);
+  const int first = truth.first_value(row), count = curve.size();
+  MatX slopes(static_cast<Eigen::Index>(strains.size()), count);
+  VecX by_value(count);
+  for (std::size_t k = 0; k < strains.size(); ++k) {
+    curve.stiffness_by_values(strains[k], by_value);
+    for (int j = 0; j < count; ++j) {
+      const ParameterInfo info = truth.info(first + j);
+      slopes(static_cast<Eigen::Index>(k), j) = by_value[j] * curve.values()[j] /
+                                                curve.stiffness(strains[k]) *
+                                                std::log(info.upper / info.lower);
+    }
+  }
+  return slopes;
+}
+
+/// The bound of Cramer and Rao: the covariance of the control values is no less than the inverse of
+/// the information in the captures, here that of the noise alone, at the truth, for one who knows
+/// where its control points are. Of each curve the root mean square of the relative standard
+/// deviation over the strains that occur: what an unbiased fit that is as good as can be has on
+/// average as its rms error.
+void bound(const Arguments& arguments, const std::string& name) {
+  const Fabric truth = true_fabric(name);
+  const Trials trials = fit_trials(arguments, name, truth.model);
+  MechanicalCostOptions options;
+  options.cord_friction = arguments.cord_friction;
+  MechanicalProblem problem(trials, truth, control_values(truth), options, arguments.threads);
+  const VecX at = problem.scaled(truth);
+  problem.weigh_by(problem.force_weights(at));
+  const QuadraticModel model = problem.linearize(at).model;
+  // The cost is the mean of the squares.
+  const auto count = static_cast<double>(problem.residual_count());
+  const MatX covariance =
+      2 / count * model.hessian.ldlt().solve(MatX::Identity(at.size(), at.size()));
+  const auto frames =
+      simulate_mechanical(trials, truth, MechanicalDerivatives::none, arguments.threads);
+  fmt::print("\n{}: least rms error by the noise, the truth's control points known\n", name);
+  Eigen::Index place = 0;
+  for (std::size_t row = 0; row < 5; ++row) {
+    const std::string_view component = kThreadParameters[row].name;
+    const ComponentSample sample = occurring(trials, frames, truth, row);
+    const StrainRange range = strain_range(sample, kOutliers);
+    const MatX slopes = log_slopes(truth, component, sample.strains);
+    const MatX own = covariance.block(place, place, slopes.cols(), slopes.cols());
+    place += slopes.cols();
+    double squares = 0, area = 0, most = 0;
+    for (std::size_t k = 0; k < sample.strains.size(); ++k) {
+      if (sample.strains[k] < range.lower || sample.strains[k] > range.upper) continue;
+      const auto slope = slopes.row(static_cast<Eigen::Index>(k));
+      const double variance = slope * own * slope.transpose();
+      squares += sample.areas[k] * variance;
+      area += sample.areas[k];
+      most = std::max(most, variance);
+    }
+    fmt::print("  {:<14} {} points, rms {:>6.2f} %, at the worst strain {:>6.2f} %\n", component,
+               slopes.cols(), 100 * std::sqrt(squares / area), 100 * std::sqrt(most));
+  }
+  std::fflush(stdout);
+}
+
 void table(const Arguments& arguments, const std::string& name) {
   const Fabric truth = true_fabric(name);
   for (const std::string& model : arguments.models) {
@@ -311,7 +386,8 @@ Arguments parse(int argc, char** argv) {
   }
   if (arguments.out.empty())
     throw Error(
-        "usage: weft_validate_rig OUT [recovery] [orders] [table] [--fabric NAME] [--model NAME] "
+        "usage: weft_validate_rig OUT [recovery] [orders] [table] [bound] [--fabric NAME] "
+        "[--model NAME] "
         "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
         "[--skip ROW] [--only ROW] [--no-mesh-error] "
         "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none]");
@@ -324,6 +400,7 @@ void run(const Arguments& arguments) {
     if (arguments.has("recovery")) recovery(arguments, fabric, FitOrder::incremental);
     if (arguments.has("orders")) recovery(arguments, fabric, FitOrder::joint);
     if (arguments.has("table")) table(arguments, fabric);
+    if (arguments.has("bound")) bound(arguments, fabric);
   }
 }
 

@@ -283,8 +283,8 @@ void solve_backward(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots
   }
 }
 
-/// Several right-hand sides side by side: x has kDirections numbers a row. A group of them is worked
-/// on at once, as many vectors as stay in registers for six pivots.
+/// Several right-hand sides side by side: x has kDirections numbers a row. A group of them is
+/// worked on at once, as many vectors as stay in registers for six pivots.
 template <class Scalar>
 inline constexpr int kGroupVectors = kDirections > kWidth<Scalar> ? 2 : 1;
 template <class Scalar>
@@ -339,8 +339,7 @@ inline void solve_backward_rows_at(int q, const Scalar* panel, std::ptrdiff_t ld
     for (int v = 0; v < kVectors; ++v) pivot[j][v] = load(first + j * kDirections + v * kW);
   for (int i = q + kColumns; i < rows; ++i) {
     Vector<Scalar> row[kVectors];
-    for (int v = 0; v < kVectors; ++v)
-      row[v] = load(x + std::ptrdiff_t{kDirections} * i + v * kW);
+    for (int v = 0; v < kVectors; ++v) row[v] = load(x + std::ptrdiff_t{kDirections} * i + v * kW);
 #pragma GCC unroll 8
     for (int j = 0; j < kColumns; ++j) {
       const Vector<Scalar> factor = broadcast(l[j * ld + i]);
