@@ -143,12 +143,6 @@ void table1(const Arguments& arguments, bool noisy) {
   compare_unseen(fit.fabric, truth, square(arguments.cells, arguments.pattern));
 }
 
-SourceSurface surface_from_name(const std::string& name) {
-  if (name == "shown") return SourceSurface::shown;
-  if (name == "lattice") return SourceSurface::lattice;
-  throw Error(fmt::format("--surface {}: must be shown or lattice", name));
-}
-
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
   for (int i = 1; i < argc; ++i) {
@@ -178,7 +172,7 @@ Arguments parse(int argc, char** argv) {
     else if (word == "--starts" && i + 1 < argc)
       arguments.fit.random_starts = validation::number<int>(word, argv[++i], 0);
     else if (word == "--surface" && i + 1 < argc)
-      arguments.surface = surface_from_name(argv[++i]);
+      arguments.surface = validation::surface_from_name(argv[++i]);
     else if (word == "--threads" && i + 1 < argc)
       arguments.threads = argv[++i];
     else if (word == "--twist")

@@ -123,9 +123,9 @@ void fit_mechanical_fabric(const Arguments& arguments, const std::string& name) 
 }
 
 /// The shape of a static video capture's true surface at its last frame, or of its control points.
-Points rest_of(const Capture& from, const TruthSurface& truth, SourceSurface surface) {
+Points rest_of(const Capture& from, const TruthSurface& truth, validation::SourceSurface surface) {
   const Points& shown = truth.frames.back();
-  if (surface == SourceSurface::shown) return shown;
+  if (surface == validation::SourceSurface::shown) return shown;
   Points control = validation::LimitSurface(validation::grid_of(from, truth.mesh)).control(shown);
   const auto apart = (control - shown).colwise().norm();
   fmt::print("{}: control points {:.2f} mm from the surface in the mean, {:.2f} at most\n",

@@ -6,16 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "source_lattice.h"
 #include "weft/estimate/scan_fit.h"
 #include "weft/estimate/scan_synthetic.h"
 
 namespace weft {
-
-/// Which points of a video capture's true surface are a scan.
-enum class SourceSurface {
-  shown,   ///< those of the surface that was rendered
-  lattice  ///< its control points, which are what the source's forces act on
-};
 
 struct Arguments {
   std::vector<std::string> parts;
@@ -24,7 +19,7 @@ struct Arguments {
   GridPattern pattern = GridPattern::alternating;   ///< of the fit
   GridPattern fine_pattern = GridPattern::uniform;  ///< of what makes the targets
   DescriptorKind descriptor = DescriptorKind::fourier;
-  SourceSurface surface = SourceSurface::shown;
+  validation::SourceSurface surface = validation::SourceSurface::shown;
   std::filesystem::path out;  ///< captures are kept here
   std::filesystem::path data;
   std::vector<std::string> fabrics;  ///< empty: all

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <array>
 #include <cmath>
+#include <string>
 
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
@@ -34,6 +35,19 @@ inline Constants read_constants(const Capture& capture) {
           .bending = file.number("bending_stiffness_N_m", any),
           .bending_damping = file.number("bending_damping_N_m_s", any),
           .drag_rate = file.number("air_drag_rate_per_s", any)};
+}
+
+/// Which points of a video capture's true surface are a scan.
+enum class SourceSurface {
+  shown,   ///< those of the surface that was rendered
+  lattice  ///< its control points, which are what the source's forces act on
+};
+
+/// Throws Error for another name.
+inline SourceSurface surface_from_name(const std::string& name) {
+  if (name == "shown") return SourceSurface::shown;
+  if (name == "lattice") return SourceSurface::lattice;
+  throw Error("--surface " + name + ": must be shown or lattice");
 }
 
 /// Vertex = row * columns + column.
