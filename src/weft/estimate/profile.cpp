@@ -1,0 +1,154 @@
+#include "weft/estimate/profile.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "weft/base/error.h"
+
+namespace weft {
+namespace {
+
+// Of another coordinate from one point to the start of the next: what the past says of a bend in
+// the way ends somewhere.
+constexpr double kMostFollowed = 0.15;
+constexpr double kSmallRise = 0.25;   // of the threshold: the next step is twice as long
+constexpr double kLeastStep = 0.002;  // scaled; shorter steps are not tried
+
+void check(const VecX& estimate, int parameter, double dispersion, const ProfileOptions& options) {
+  if (parameter < 0 || parameter >= estimate.size())
+    throw Error(
+        fmt::format("profile: parameter {} is not in [0, {}]", parameter, estimate.size() - 1));
+  if (!(estimate.minCoeff() >= 0) || !(estimate.maxCoeff() <= 1))
+    throw Error("profile: the estimate is not in [0, 1]");
+  if (!(dispersion > 0) || !std::isfinite(dispersion))
+    throw Error(fmt::format("profile: the dispersion {} is not a positive number", dispersion));
+  if (!(options.threshold > 0) || !(options.first_step > 0) || options.most_points < 1)
+    throw Error("profile: threshold, first_step and most_points must be above 0");
+}
+
+class Profiler {
+ public:
+  Profiler(const LinearizeFunction& linearize, const CostFunction& cost, const VecX& estimate,
+           int parameter, double dispersion, const ProfileOptions& options,
+           const ProfileObserver& observer)
+      : linearize_(linearize),
+        cost_(cost),
+        estimate_(estimate),
+        parameter_(parameter),
+        dispersion_(dispersion),
+        options_(options),
+        observer_(observer),
+        model_(linearize(estimate)) {
+    if (!std::isfinite(model_.cost)) throw Error("profile: the estimate cannot be evaluated");
+  }
+
+  Profile run() {
+    Profile result;
+    result.parameter = parameter_;
+    const Side below = follow(-1), above = follow(1);
+    result.points.assign(below.points.rbegin(), below.points.rend());
+    result.points.push_back({estimate_, 0});
+    result.points.insert(result.points.end(), above.points.begin(), above.points.end());
+    result.lower = below.limit;
+    result.upper = above.limit;
+    result.lower_open = below.open;
+    result.upper_open = above.open;
+    return result;
+  }
+
+ private:
+  struct Side {
+    std::vector<ProfilePoint> points;  ///< outwards
+    double limit = 0;
+    bool open = true;
+  };
+
+  double value_of(const ProfilePoint& point) const { return point.x[parameter_]; }
+
+  Side follow(int sign) {
+    Side side;
+    ProfilePoint before{estimate_, 0}, at = before;
+    double step = options_.first_step;
+    while (!stopped_ && static_cast<int>(side.points.size()) < options_.most_points &&
+           step >= kLeastStep) {
+      const double value = std::clamp(value_of(at) + sign * step, 0.0, 1.0);
+      if (value == value_of(at)) break;  // the end of the range
+      const LeastSquaresResult found = held_at(value, start(before, at, value));
+      if (!std::isfinite(found.cost)) {
+        step *= 0.5;
+        continue;
+      }
+      side.points.push_back({found.x, (found.cost - model_.cost) / dispersion_});
+      stopped_ = observer_ && !observer_(side.points.back());
+      before = std::exchange(at, side.points.back());
+      if (at.rise > options_.threshold) {
+        side.limit = crossing(before, at);
+        side.open = false;
+        return side;
+      }
+      if (at.rise < kSmallRise * options_.threshold) step *= 2;
+    }
+    side.limit = value_of(at);
+    return side;
+  }
+
+  /// Where the others are expected with the parameter at `value`.
+  VecX start(const ProfilePoint& before, const ProfilePoint& at, double value) const {
+    const double way = value - value_of(at);
+    VecX change = value_of(at) == value_of(before)
+                      ? by_model(way)
+                      : VecX((at.x - before.x) * (way / (value_of(at) - value_of(before))));
+    change = change.cwiseMax(-kMostFollowed).cwiseMin(kMostFollowed);
+    VecX x = (at.x + change).cwiseMax(0).cwiseMin(1);
+    x[parameter_] = value;
+    return x;
+  }
+
+  /// The least of the model at the estimate with the parameter moved by `way`.
+  VecX by_model(double way) const {
+    const VecX room = VecX::Constant(estimate_.size(), kMostFollowed);
+    VecX lower = -room, upper = room;
+    lower[parameter_] = upper[parameter_] = way;
+    MatX hessian = model_.hessian;
+    hessian.diagonal().array() +=
+        options_.least_squares.initial_damping * hessian.diagonal().maxCoeff();
+    return minimize_in_box(hessian, VecX::Zero(estimate_.size()), lower, upper);
+  }
+
+  LeastSquaresResult held_at(double value, const VecX& x) const {
+    VecX lower = VecX::Zero(x.size()), upper = VecX::Ones(x.size());
+    lower[parameter_] = upper[parameter_] = value;
+    return minimize_least_squares(linearize_, cost_, x, lower, upper, options_.least_squares);
+  }
+
+  /// The root of a rise grows in proportion to the distance where the cost is a parabola.
+  double crossing(const ProfilePoint& inside, const ProfilePoint& outside) const {
+    const double a = std::sqrt(std::max(0.0, inside.rise)), b = std::sqrt(outside.rise);
+    const double part = (std::sqrt(options_.threshold) - a) / (b - a);
+    return value_of(inside) + part * (value_of(outside) - value_of(inside));
+  }
+
+  const LinearizeFunction& linearize_;
+  const CostFunction& cost_;
+  const VecX& estimate_;
+  int parameter_;
+  double dispersion_;
+  const ProfileOptions& options_;
+  const ProfileObserver& observer_;
+  QuadraticModel model_;
+  bool stopped_ = false;
+};
+
+}  // namespace
+
+Profile profile(const LinearizeFunction& linearize, const CostFunction& cost, const VecX& estimate,
+                int parameter, double dispersion, const ProfileOptions& options,
+                const ProfileObserver& observer) {
+  check(estimate, parameter, dispersion, options);
+  return Profiler(linearize, cost, estimate, parameter, dispersion, options, observer).run();
+}
+
+}  // namespace weft

@@ -1,0 +1,56 @@
+#pragma once
+/// The profile of one parameter: how the cost rises when it is held beside its estimate and all the
+/// others follow to their best. Where the way on which they follow bends, or the cost is not a
+/// parabola, an interval from derivatives at the estimate is too narrow on one side and too wide on
+/// the other; the profile is neither. (Likelihood-ratio intervals; "MINOS" in particle physics.)
+///
+///     rise(v) = (min over x with x_p = v of cost(x) - cost(estimate)) / dispersion,
+///
+/// which is minus the logarithm of a likelihood ratio (uncertainty.h); the interval is where it is
+/// at most t^2 / 2, with t the quantile that an interval of derivatives takes. For a parabola both
+/// are the same.
+#include <functional>
+#include <vector>
+
+#include "weft/estimate/least_squares.h"
+
+namespace weft {
+
+struct ProfileOptions {
+  ProfileOptions() {
+    least_squares.max_iterations = 8;
+    least_squares.cost_tolerance = 1e-4;
+    least_squares.initial_damping = 1e-4;
+  }
+  double threshold = 1.353;  ///< rise at the ends of the interval: 1.645^2 / 2, 90 %; > 0
+  double first_step = 0.05;  ///< from the estimate, scaled coordinate, > 0; half the interval, say
+  int most_points = 6;       ///< to either side, >= 1
+  LeastSquaresOptions least_squares;  ///< of the others, at each point
+};
+
+struct ProfilePoint {
+  VecX x;           ///< scaled coordinates, the parameter's among them
+  double rise = 0;  ///< below 0: the estimate is not the least there is
+};
+
+struct Profile {
+  int parameter = 0;
+  std::vector<ProfilePoint> points;  ///< by the parameter's value, rising; the estimate among them
+  /// Scaled coordinate where the rise passes the threshold, between two points by a parabola.
+  double lower = 0, upper = 1;
+  /// The rise stays below as far as it was followed: to the end of the range, or for most_points.
+  bool lower_open = false, upper_open = false;
+};
+
+/// After each point; false stops, with the sides as far as they are.
+using ProfileObserver = std::function<bool(const ProfilePoint&)>;
+
+/// About `estimate`, within [0, 1] for each coordinate. Each point starts where the two before lead
+/// (the first: where the quadratic model does) and the next is twice as far where the rise is small
+/// yet. A point whose cost is infinite is tried again half as far. Throws Error for a parameter or
+/// options out of range, a dispersion that is not positive, and an estimate of infinite cost.
+Profile profile(const LinearizeFunction& linearize, const CostFunction& cost, const VecX& estimate,
+                int parameter, double dispersion, const ProfileOptions& options = {},
+                const ProfileObserver& observer = {});
+
+}  // namespace weft

@@ -1,0 +1,123 @@
+#include "weft/estimate/profile.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "weft/base/error.h"
+
+namespace weft {
+namespace {
+
+/// Residuals (y - f(x)) / 0.02 and (x - 0.4) / s(x): the best y follows x along f, and the rise of
+/// the profile of x is that of the second alone.
+struct Valley {
+  double bend = 0;         // of f
+  double stiff = 0.1;      // s where x > 0.4
+  double soft = 0.1;       // s where x < 0.4
+  double infinite_at = 2;  // cost beyond this x
+
+  double follow(double x) const { return 0.3 + bend * (x - 0.4) * (x - 0.4) * 4; }
+  double width(double x) const { return x > 0.4 ? stiff : soft; }
+  double cost(const VecX& x) const {
+    if (x[0] > infinite_at) return std::numeric_limits<double>::infinity();
+    const double a = (x[1] - follow(x[0])) / 0.02, b = (x[0] - 0.4) / width(x[0]);
+    return a * a + b * b;
+  }
+  QuadraticModel model(const VecX& x) const {
+    const double a = (x[1] - follow(x[0])) / 0.02, b = (x[0] - 0.4) / width(x[0]);
+    MatX j(2, 2);
+    j << -8 * bend * (x[0] - 0.4) / 0.02, 1 / 0.02, 1 / width(x[0]), 0;
+    VecX r(2);
+    r << a, b;
+    return {cost(x), 2 * j.transpose() * r, 2 * j.transpose() * j};
+  }
+  Profile of(int parameter, const ProfileOptions& options = {}, double dispersion = 2) const {
+    VecX estimate(2);
+    estimate << 0.4, 0.3;
+    return profile([this](const VecX& x) { return model(x); },
+                   [this](const VecX& x) { return cost(x); }, estimate, parameter, dispersion,
+                   options);
+  }
+};
+
+// With dispersion 2 the rise of x is ((x - 0.4) / s)^2 / 2: the interval is 1.645 s to either side.
+
+TEST(Profile, IsTheIntervalOfDerivativesForAParabola) {
+  const Profile p = Valley{}.of(0);
+  EXPECT_NEAR(p.lower, 0.4 - 0.1645, 1e-4);
+  EXPECT_NEAR(p.upper, 0.4 + 0.1645, 1e-4);
+  EXPECT_FALSE(p.lower_open || p.upper_open);
+  for (std::size_t i = 1; i < p.points.size(); ++i)
+    EXPECT_LT(p.points[i - 1].x[0], p.points[i].x[0]);
+}
+
+TEST(Profile, SidesMayDiffer) {
+  const Valley valley{.stiff = 0.2, .soft = 0.05};
+  const Profile p = valley.of(0);
+  EXPECT_NEAR(p.lower, 0.4 - 1.645 * 0.05, 1e-4);
+  EXPECT_NEAR(p.upper, 0.4 + 1.645 * 0.2, 1e-4);
+}
+
+TEST(Profile, FollowsAWayThatBends) {
+  // Along the straight line of the model y would be 0.1 off at the ends: a rise of 12 instead
+  // of 1.35.
+  const Valley valley{.bend = 1};
+  const Profile p = valley.of(0);
+  EXPECT_NEAR(p.upper, 0.4 + 0.1645, 2e-3);
+  EXPECT_NEAR(p.lower, 0.4 - 0.1645, 2e-3);
+  EXPECT_NEAR(p.points.back().x[1], valley.follow(p.points.back().x[0]), 1e-3);
+}
+
+TEST(Profile, SaysWhereTheRangeEndsFirst) {
+  const Valley valley{.stiff = 10, .soft = 0.1};
+  const Profile p = valley.of(0);
+  EXPECT_TRUE(p.upper_open);
+  EXPECT_EQ(p.upper, 1);
+  EXPECT_FALSE(p.lower_open);
+}
+
+TEST(Profile, StopsShortOfAnInfiniteCost) {
+  const Valley valley{.stiff = 0.5, .infinite_at = 0.62};
+  const Profile p = valley.of(0);
+  EXPECT_TRUE(p.upper_open);
+  EXPECT_LE(p.upper, 0.62);
+  EXPECT_GT(p.upper, 0.55);
+}
+
+TEST(Profile, ObserverStops) {
+  int seen = 0;
+  VecX estimate(2);
+  estimate << 0.4, 0.3;
+  const Valley valley;
+  const Profile p = profile([&](const VecX& x) { return valley.model(x); },
+                            [&](const VecX& x) { return valley.cost(x); }, estimate, 0, 2, {},
+                            [&](const ProfilePoint&) {
+                              ++seen;
+                              return false;
+                            });
+  EXPECT_EQ(seen, 1);
+  EXPECT_TRUE(p.upper_open);
+}
+
+TEST(Profile, RejectsBadArguments) {
+  const Valley valley;
+  EXPECT_THROW(valley.of(2), Error);
+  EXPECT_THROW(valley.of(-1), Error);
+  EXPECT_THROW(valley.of(0, {}, 0), Error);
+  EXPECT_THROW(valley.of(0, {}, std::nan("")), Error);
+  ProfileOptions options;
+  options.threshold = 0;
+  EXPECT_THROW(valley.of(0, options), Error);
+  options = {};
+  options.first_step = 0;
+  EXPECT_THROW(valley.of(0, options), Error);
+  options = {};
+  options.most_points = 0;
+  EXPECT_THROW(valley.of(0, options), Error);
+  EXPECT_THROW(Valley{.infinite_at = 0.1}.of(0), Error);
+}
+
+}  // namespace
+}  // namespace weft
