@@ -4,16 +4,18 @@
 ///
 ///     weft_validate_coverage OUT [--recoveries N] [--grid N] [--truth-grid N] [--frames N]
 ///                            [--pixels N] [--seed S] [--first N] [--truth same|other|both]
-///                            [--threads N]
+///                            [--threads N] [--profile PARAMETER]
 ///
 /// Two kinds of truth: `same` has the mesh and the steps of the fit, so that the noise of the video
 /// is all that is wrong; `other` has a finer mesh, split the other way, and a quarter of the step.
 /// Of the latter the intervals hold what halving the cells and steps of the fit does.
-/// The motion starts from the true first frame in both. Writes recoveries.csv (a row a parameter
-/// and recovery; rows of an earlier run stay, so that more recoveries can be added with --first),
-/// parts.csv (truth, recovery, frame or
-/// patch, its gradient and matrix at the estimate), coverage.svg, and
-/// prints how often the interval of each parameter that was reported as determined held the truth.
+/// The motion starts from the true first frame in both. With --profile the interval of that
+/// parameter, where it is determined, reaches on either side as far as that or its profile
+/// (estimate/profile.h) does; whether that holds the truth is tallied, too. Writes recoveries.csv
+/// (a row a parameter and recovery; rows of an earlier run stay, so that more recoveries can be
+/// added with --first), parts.csv (truth, recovery, frame or patch, its gradient and matrix at the
+/// estimate), coverage.svg, and prints how often the interval of each parameter that was reported
+/// as determined held the truth.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -29,6 +31,7 @@
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
 #include "weft/estimate/linearize_trial.h"
+#include "weft/estimate/profile.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/estimate/video_mesh_error.h"
@@ -46,15 +49,17 @@ struct Arguments {
   int threads = 0;
   std::uint64_t seed = 1;
   std::string truth = "both";
+  std::string profile;  ///< the parameter; empty: none
 };
 
 const std::string kHeader =
     "truth,recovery,parameter,true_scaled,estimate_scaled,half_width,determined,at_bound,holds,"
-    "condition,dispersion,gain,cost,noise_half_width,mesh_shift";
+    "condition,dispersion,gain,cost,noise_half_width,mesh_shift,profile_lower,profile_upper";
 
 struct Tally {
   int held = 0, determined = 0, all = 0;
-  std::vector<double> distance;  ///< of the truth from the estimate, in half widths
+  int profiles = 0, held_with_profile = 0;  ///< of the determined
+  std::vector<double> distance;             ///< of the truth from the estimate, in half widths
 };
 
 /// Uniform in the scaled coordinates between the least and the largest value of the presets.
@@ -137,14 +142,19 @@ class Study {
     add_parts("patch", patches_of(parts));
     for (int i = 0; i < problem.dimension(); ++i) {
       const ParameterInterval& p = uncertainty.parameters[static_cast<std::size_t>(i)];
+      std::string profiled = ",";
+      if (p.name == arguments_.profile && p.determined) {
+        const Profile found = profile_of(problem, fit.x, i, p.half_width, scatter);
+        profiled = fmt::format("{:.6f},{:.6f}", found.lower, found.upper);
+      }
       const double value = truth.value(p.name);
       rows.coverage += fmt::format(
-          "{},{},{},{:.6f},{:.6f},{:.6g},{},{},{},{:.3g},{:.3g},{:.4g},{:.4g},{:.6g},{:.6g}\n",
+          "{},{},{},{:.6f},{:.6f},{:.6g},{},{},{},{:.3g},{:.3g},{:.4g},{:.4g},{:.6g},{:.6g},{}\n",
           same ? "same" : "other", index, p.name, true_scaled[i], fit.x[i], p.half_width,
           int(p.determined), int(p.at_lower || p.at_upper),
           int(value >= p.lower && value <= p.upper), uncertainty.condition, uncertainty.dispersion,
           gain, fit.cost, scatter.parameters[static_cast<std::size_t>(i)].half_width,
-          mesh.shift.size() > 0 ? mesh.shift[i] : 0);
+          mesh.shift.size() > 0 ? mesh.shift[i] : 0, profiled);
     }
     return rows;
   }
@@ -158,16 +168,27 @@ class Study {
     return options;
   }
 
+  static LinearizeFunction linearizer(const Problem& problem) {
+    return [&](const VecX& x) { return linearize(problem, x, linearization()).model; };
+  }
+  static CostFunction cost_of(const Problem& problem) {
+    return [&](const VecX& x) { return evaluate_cost(problem, x, linearization()).cost; };
+  }
+
   static LeastSquaresResult descend(const Problem& problem, const VecX& start) {
     LeastSquaresOptions options;
     options.max_iterations = 12;
     options.step_tolerance = 3e-4;
     options.cost_tolerance = 1e-5;
     options.initial_damping = 1e-4;
-    return minimize_least_squares(
-        [&](const VecX& x) { return linearize(problem, x, linearization()).model; },
-        [&](const VecX& x) { return evaluate_cost(problem, x, linearization()).cost; }, start,
-        VecX::Zero(start.size()), VecX::Ones(start.size()), options);
+    return minimize_least_squares(linearizer(problem), cost_of(problem), start,
+                                  VecX::Zero(start.size()), VecX::Ones(start.size()), options);
+  }
+
+  static Profile profile_of(const Problem& problem, const VecX& at, int parameter,
+                            double half_width, const Uncertainty& scatter) {
+    return profile(linearizer(problem), cost_of(problem), at, parameter, scatter.dispersion,
+                   profile_options(scatter, half_width));
   }
 
   const Arguments& arguments_;
@@ -191,6 +212,13 @@ std::map<std::string, std::map<std::string, Tally>> tally(const std::filesystem:
     if (cells[6] != "1") continue;
     ++t.determined;
     t.held += cells[8] == "1";
+    if (cells.size() > 16 && !cells[15].empty()) {
+      const double truth = std::stod(cells[3]), at = std::stod(cells[4]),
+                   half = std::stod(cells[5]);
+      ++t.profiles;
+      t.held_with_profile += truth >= std::min(at - half, std::stod(cells[15])) &&
+                             truth <= std::max(at + half, std::stod(cells[16]));
+    }
     t.distance.push_back(std::abs(std::stod(cells[4]) - std::stod(cells[3])) / std::stod(cells[5]));
   }
   return result;
@@ -219,6 +247,9 @@ void conclude(const std::filesystem::path& out) {
                                                    std::size_t(0.9 * double(t.distance.size())))];
       fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>8.0f} % {:>10.2f}x\n", truth, info.name, t.all,
                  t.determined, t.held, share, quantile);
+      if (t.profiles > 0)
+        fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>8.0f} %\n", "", "  or its profile", "",
+                   t.profiles, t.held_with_profile, 100.0 * t.held_with_profile / t.profiles);
       if (t.determined == 0) continue;
       std::string words(info.name);
       std::ranges::replace(words, '_', ' ');
@@ -250,6 +281,8 @@ Arguments read(int argc, char** argv) {
       arguments.frames = validation::number(option, value, 2);
     else if (option == "--pixels")
       arguments.pixels = validation::number(option, value, 48);
+    else if (option == "--profile")
+      arguments.profile = value;
     else if (option == "--threads")
       arguments.threads = validation::number(option, value, 0);
     else if (option == "--seed")
@@ -259,6 +292,7 @@ Arguments read(int argc, char** argv) {
     else
       throw Error(fmt::format("{} {}: is not known", option, value));
   }
+  if (!arguments.profile.empty()) parameter_index("baraff-witkin", arguments.profile);
   return arguments;
 }
 

@@ -20,6 +20,7 @@ void add_fabrics(CLI::App& app);
 void add_synthesize(CLI::App& app);
 void add_suggest(CLI::App& app);
 void add_posterior(CLI::App& app);
+void add_profile(CLI::App& app);
 void add_cantilever(CLI::App& app);
 void add_cusick(CLI::App& app);
 

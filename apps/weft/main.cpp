@@ -26,8 +26,8 @@ void add_subcommands(CLI::App& app) {
   using namespace weft::app;
   for (auto add :
        {add_check, add_surface, add_register, add_fit, add_evaluate, add_compare, add_matrix,
-        add_landscape, add_variability, add_suggest, add_posterior, add_simulate, add_render,
-        add_synthesize, add_fabrics, add_cantilever, add_cusick}) {
+        add_landscape, add_variability, add_profile, add_suggest, add_posterior, add_simulate,
+        add_render, add_synthesize, add_fabrics, add_cantilever, add_cusick}) {
     add(app);
   }
 }

@@ -232,6 +232,7 @@ TEST_F(BadInput, AnOutputFolderWithAnotherRunInIt) {
   refused("frame_0000.png", {"render", capture(), "--fabric", "satin"});
   refused("matrix.svg", {"matrix", capture(), "--fabrics", "satin"});
   refused("variability.svg", {"variability", capture(), "--fabric", "satin"});
+  refused("profile.csv", {"profile", capture(), "--fabric", "satin"});
   refused("capture.toml", {"synthesize", "--fabric", "satin"});
 }
 

@@ -3,9 +3,11 @@
 #include <gmock/gmock.h>
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "apps/program.h"
 #include "weft/estimate/synthetic.h"
@@ -125,6 +127,36 @@ TEST_F(Fit, StopsOnCtrlCAndContinues) {
   EXPECT_EQ(again.status(), 130) << again.err();
   EXPECT_THAT(again.err(), HasSubstr("(replayed)"));
   EXPECT_GE(rows_of(folder_ / "out/evaluations.sqlite").size(), made);
+}
+
+TEST_F(Fit, ProfileOfAParameterAboutAFabric) {
+  write_fabric(folder_ / "truth.toml", truth());
+  const Outcome run = weft({"profile", path("c"), "--fabric", path("truth.toml"), "--grid", "13",
+                            "--parameters", "bend_stiffness", "--out", path("profile")});
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("by its profile"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "profile/bend_stiffness.svg"));
+  std::istringstream csv(text_of(folder_ / "profile/profile.csv"));
+  std::string line;
+  std::getline(csv, line);
+  EXPECT_THAT(line, HasSubstr("profile_of,rise,stretch_stiffness"));
+  // Rows by rising bend, that of the fabric among them. It is not where a search on this mesh would
+  // end, which the command has to say.
+  std::vector<double> rises;
+  while (std::getline(csv, line)) {
+    ASSERT_TRUE(line.starts_with("bend_stiffness,")) << line;
+    rises.push_back(std::stod(line.substr(line.find(',') + 1)));
+  }
+  ASSERT_GE(rises.size(), 3);
+  EXPECT_EQ(std::ranges::count(rises, 0), 1);
+  const double least = *std::ranges::min_element(rises);
+  EXPECT_EQ(run.out.find("warning") != std::string::npos, least < -0.5);
+  EXPECT_GT(std::max(rises.front(), rises.back()), least);
+
+  const Outcome unknown =
+      weft({"profile", path("c"), "--fabric", path("truth.toml"), "--parameters", "bent"});
+  EXPECT_EQ(unknown.status, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("--parameters"));
 }
 
 TEST_F(Fit, TakesInOptionalTerms) {

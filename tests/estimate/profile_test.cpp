@@ -101,6 +101,16 @@ TEST(Profile, ObserverStops) {
   EXPECT_TRUE(p.upper_open);
 }
 
+TEST(Profile, OptionsAreThoseOfAnInterval) {
+  Uncertainty uncertainty;
+  uncertainty.confidence = 0.9;
+  uncertainty.clusters = 10;
+  // t of 9 degrees of freedom at 95 %: 1.833.
+  EXPECT_NEAR(profile_options(uncertainty, 0.1).threshold, 0.5 * 1.833 * 1.833, 5e-3);
+  EXPECT_NEAR(profile_options(uncertainty, 0.1).first_step, 0.05, 1e-12);
+  EXPECT_NEAR(profile_options(uncertainty, 3).first_step, 0.15, 1e-12);
+}
+
 TEST(Profile, RejectsBadArguments) {
   const Valley valley;
   EXPECT_THROW(valley.of(2), Error);

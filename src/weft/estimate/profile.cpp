@@ -144,6 +144,14 @@ class Profiler {
 
 }  // namespace
 
+ProfileOptions profile_options(const Uncertainty& uncertainty, double half_width) {
+  const double t = student_quantile(0.5 + 0.5 * uncertainty.confidence, uncertainty.clusters - 1);
+  ProfileOptions options;
+  options.threshold = 0.5 * t * t;
+  options.first_step = std::clamp(0.5 * half_width, 0.02, 0.15);
+  return options;
+}
+
 Profile profile(const LinearizeFunction& linearize, const CostFunction& cost, const VecX& estimate,
                 int parameter, double dispersion, const ProfileOptions& options,
                 const ProfileObserver& observer) {

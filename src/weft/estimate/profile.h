@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "weft/estimate/least_squares.h"
+#include "weft/estimate/uncertainty.h"
 
 namespace weft {
 
@@ -27,6 +28,11 @@ struct ProfileOptions {
   int most_points = 6;       ///< to either side, >= 1
   LeastSquaresOptions least_squares;  ///< of the others, at each point
 };
+
+/// For a parameter whose interval by derivatives is `half_width` wide to either side (scaled
+/// coordinate), of an estimate with that uncertainty: the threshold of its confidence and number of
+/// clusters, and a first step of half of the interval, 0.02 to 0.15.
+ProfileOptions profile_options(const Uncertainty& uncertainty, double half_width);
 
 struct ProfilePoint {
   VecX x;           ///< scaled coordinates, the parameter's among them
