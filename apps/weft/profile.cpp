@@ -31,10 +31,11 @@ constexpr double kBetterBy = -0.5;
 /// The interval of `found` in the parameter's own unit, with words for an end that was not found.
 std::string interval_of(const ParameterInfo& info, const Profile& found) {
   const auto end = [&](double scaled, bool open, const char* beyond) {
-    const std::string value = fmt::format("{:.4g}", from_scaled(info, scaled));
-    if (!open) return value;
-    const bool at_bound = scaled <= 0 || scaled >= 1;
-    return value + (at_bound ? " (the end of its range)" : fmt::format(" ({})", beyond));
+    std::string words = fmt::format("{:.4g}", from_scaled(info, scaled));
+    if (open)
+      words +=
+          scaled <= 0 || scaled >= 1 ? " (the end of its range)" : fmt::format(" ({})", beyond);
+    return words;
   };
   return end(found.lower, found.lower_open, "or less") + " to " +
          end(found.upper, found.upper_open, "or more");
