@@ -91,6 +91,14 @@ void run(const Arguments& arguments) {
   if (frames_of(parts).size() < 2)
     throw Error("profile: at least two frames with this fabric are needed");
   const Uncertainty sure = estimate_uncertainty(problem, estimate, parts);
+  // Each profile begins with the model at the estimate.
+  const QuadraticModel here = linearize(problem, estimate, options).model;
+  const LinearizeFunction model_at = [&](const VecX& x) {
+    return x == estimate ? here : linearize(problem, x, options).model;
+  };
+  const CostFunction cost_at = [&](const VecX& x) {
+    return evaluate_cost(problem, x, options).cost;
+  };
   std::ofstream csv(out / "profile.csv");
   csv << "profile_of,rise";
   for (int i = 0; i < problem.dimension(); ++i) csv << ',' << problem.info(i).name;
@@ -103,10 +111,7 @@ void run(const Arguments& arguments) {
     if (arguments.parameters.empty() ? !own.determined : !named) continue;
     const ProfileOptions chosen = profile_options(sure, own.half_width);
     const Profile found = profile(
-        [&](const VecX& x) { return linearize(problem, x, options).model; },
-        [&](const VecX& x) { return evaluate_cost(problem, x, options).cost; }, estimate, i,
-        sure.dispersion, chosen,
-        [&](const ProfilePoint& point) {
+        model_at, cost_at, estimate, i, sure.dispersion, chosen, [&](const ProfilePoint& point) {
           fmt::print(stderr, "{} {:.4g} {}: rise {:.3g}, {:.3g} ends the interval\n", info.name,
                      from_scaled(info, point.x[i]), info.unit, point.rise, chosen.threshold);
           return !interrupted();
