@@ -91,6 +91,7 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
     const ParameterInfo info = fit.fabric.info(i);
     ReportParameter p = held_parameter(info, fit.fabric, initial_value(fit.start, info.name));
     p.free = std::find(free.begin(), free.end(), p.name) != free.end();
+    p.determined = !p.free;  // until an interval says so
     for (const ParameterInterval& interval : fit.intervals)
       if (interval.name == p.name) add_interval(interval, 1, p);
     report.parameters.push_back(p);
@@ -99,6 +100,7 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
     report.history.push_back({step.evaluation, "least squares", step.cost, step.best, 0});
     if (!std::isfinite(step.cost)) ++report.diverged;
   }
+  report.certainty = report_certainty(fit.certainty, fit.intervals);
   add_mesh_remark(fit.mesh, report);
   add_inexact_remark(fit.inexact, "frames", report);
   return report;
@@ -202,6 +204,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
     names.push_back(captures.back().name);
   }
   const Fabric initial = start_fabric(arguments, captures);
+  refuse_priors(arguments.initial, "mechanical captures alone");
   prepare_fit_folder(out, {kMechanicalStoreName},
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
   std::vector<std::shared_ptr<const MechanicalTrial>> trials;
@@ -220,7 +223,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   write_text(out / "result.json", result_text(report, captures, evaluations, found));
   write_report_html(out / "report.html", report, {},
                     report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,
-                                         fit.correlation));
+                                         fit.certainty.correlation));
   fmt::print("{}", stage_lines(found));
   print_result(report, fit.replayed, captures, evaluations);
   fmt::print("{}", cord_friction_lines(fit.cord_friction));

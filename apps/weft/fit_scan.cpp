@@ -84,6 +84,7 @@ Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem
     report.history.push_back({step.evaluation, step.phase, step.cost, step.best, 0});
     if (!std::isfinite(step.cost)) ++report.diverged;
   }
+  report.certainty = report_certainty(fit.certainty, fit.intervals);
   add_mesh_remark(fit.mesh, report);
   add_inexact_remark(fit.inexact, "targets", report);
   return report;
@@ -222,6 +223,7 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   options.seed = arguments.seed;
   options.mesh_error = arguments.mesh_error;
   options.mesh_solver = arguments.mesh_solver;
+  refuse_priors(arguments.initial, "scans");
   ScanProblem problem(
       trials, arguments.solver, initial,
       arguments.parameters.empty() ? default_scan_parameters(initial) : arguments.parameters, {},

@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "command_line.h"
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
@@ -30,15 +31,24 @@ constexpr double kBetterBy = -0.5;
 
 /// The interval of `found` in the parameter's own unit, with words for an end that was not found.
 std::string interval_of(const ParameterInfo& info, const Profile& found) {
-  const auto end = [&](double scaled, bool open, const char* beyond) {
-    std::string words = fmt::format("{:.4g}", from_scaled(info, scaled));
-    if (open)
-      words +=
-          scaled <= 0 || scaled >= 1 ? " (the end of its range)" : fmt::format(" ({})", beyond);
-    return words;
+  const auto end = [&](double scaled, ProfileEnd why, const char* beyond) {
+    const std::string value = fmt::format("{:.4g}", from_scaled(info, scaled));
+    switch (why) {
+      case ProfileEnd::crossed:
+        return value;
+      case ProfileEnd::range:
+        return value + " (the end of its range)";
+      case ProfileEnd::most_points:
+        return fmt::format("{} ({})", value, beyond);
+      case ProfileEnd::infinite:
+        return fmt::format("{} ({}: cannot be simulated)", value, beyond);
+      case ProfileEnd::stopped:
+        return fmt::format("{} ({}: stopped)", value, beyond);
+    }
+    return value;
   };
-  return end(found.lower, found.lower_open, "or less") + " to " +
-         end(found.upper, found.upper_open, "or more");
+  return end(found.lower, found.lower_end, "or less") + " to " +
+         end(found.upper, found.upper_end, "or more");
 }
 
 LinePlot plot_of(const ParameterInfo& info, const Profile& found, double threshold) {
@@ -78,6 +88,7 @@ void run(const Arguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   require_motion_model(fabric);
   check_parameters("--parameters", fabric.model, arguments.parameters);
+  for (const std::string& name : arguments.parameters) fabric.value_index(name);  // throws
   const std::vector<Capture> captures = read_captures(arguments.captures);
   const std::filesystem::path out = arguments.out;
   prepare_output_folder(out, {"profile.csv"},
@@ -100,6 +111,7 @@ void run(const Arguments& arguments) {
     return evaluate_cost(problem, x, options).cost;
   };
   std::ofstream csv(out / "profile.csv");
+  if (!csv) throw Error((out / "profile.csv").string() + ": cannot be written");
   csv << "profile_of,rise";
   for (int i = 0; i < problem.dimension(); ++i) csv << ',' << problem.info(i).name;
   csv << '\n';
@@ -122,6 +134,11 @@ void run(const Arguments& arguments) {
                own.value, info.unit,
                own.determined ? fmt::format("{:.4g} to {:.4g}", own.lower, own.upper) : "unbounded",
                interval_of(info, found));
+    if (!std::ranges::all_of(found.points, &ProfilePoint::searched_out))
+      fmt::print(
+          "warning: beside {} the others were still on their way when a search ended: the rise may "
+          "be less and the interval wider\n",
+          info.name);
     const auto least = std::ranges::min_element(found.points, {}, &ProfilePoint::rise);
     if (least->rise < kBetterBy)
       fmt::print(
@@ -130,8 +147,11 @@ void run(const Arguments& arguments) {
           info.name, from_scaled(info, least->x[i]), info.unit);
   }
   if (!csv) throw Error((out / "profile.csv").string() + ": cannot be written");
-  if (interrupted()) fmt::print("stopped early\n");
   fmt::print("{}\n", (out / "profile.csv").string());
+  if (interrupted()) {
+    fmt::print("stopped early\n");
+    throw CLI::RuntimeError(stopped_early);
+  }
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "command_line.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/fabric/prior.h"
 #include "weft/report/result.h"
 
 namespace weft::app {
@@ -94,6 +95,13 @@ Report report_of_rest(const Fabric& fabric, const std::vector<std::string>& capt
   return report;
 }
 
+void refuse_priors(const std::string& initial, std::string_view captures) {
+  if (initial.empty() || find_priors(initial).empty()) return;
+  throw Error(fmt::format(
+      "{}: has priors, which a fit to {} does not weigh; take them out of the file (keys prior)",
+      initial, captures));
+}
+
 ReportParameter held_parameter(const ParameterInfo& info, const Fabric& fabric, double initial) {
   ReportParameter p = report_parameter(info, fabric, nullptr);
   p.initial = initial;
@@ -108,6 +116,22 @@ void add_interval(const ParameterInterval& interval, double factor, ReportParame
   parameter.interval_upper = factor * interval.upper;
   if (interval.at_lower) parameter.at_bound = ReportParameter::Bound::lower;
   if (interval.at_upper) parameter.at_bound = ReportParameter::Bound::upper;
+}
+
+std::optional<ReportCertainty> report_certainty(const ResidualCertainty& certainty,
+                                                const std::vector<ParameterInterval>& intervals) {
+  if (certainty.parts == 0) return std::nullopt;
+  ReportCertainty report;
+  report.confidence = certainty.confidence;
+  report.clusters = static_cast<int>(certainty.parts);
+  report.condition = certainty.condition;
+  report.noise = report.dispersion = 1;  // differences are divided by theirs
+  report.left_out = "each frame, shape or piece of a single shape";
+  for (const ParameterInterval& interval : intervals) report.parameters.push_back(interval.name);
+  report.correlation = certainty.correlation;
+  report.covariance = certainty.covariance;
+  report.information = certainty.information;
+  return report;
 }
 
 void add_inexact_remark(int count, const std::string& of_what, Report& report) {

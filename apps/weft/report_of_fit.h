@@ -3,13 +3,16 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "options.h"
 #include "weft/estimate/evaluate_capture.h"
 #include "weft/estimate/fit.h"
 #include "weft/estimate/mesh_error.h"
+#include "weft/estimate/residual_intervals.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/report/pictures.h"
 #include "weft/report/report.h"
@@ -29,10 +32,16 @@ ReportPerturbation report_perturbation(const PerturbationCurve& curve);
 /// Title, fabric and how it was made, of a fit to captures at rest.
 Report report_of_rest(const Fabric& fabric, const std::vector<std::string>& captures,
                       std::uint64_t seed, int threads);
+/// Throws Error for a file --initial that states priors: a fit to `captures` does not weigh them.
+void refuse_priors(const std::string& initial, std::string_view captures);
 /// A value that is not searched: neither free nor at a bound.
 ReportParameter held_parameter(const ParameterInfo& info, const Fabric& fabric, double initial);
 /// Interval and bounds of a parameter that is `factor` times what was searched.
 void add_interval(const ParameterInterval& interval, double factor, ReportParameter& parameter);
+/// Of a fit to captures at rest, whose searched parameters have these intervals; nothing where it
+/// is not known.
+std::optional<ReportCertainty> report_certainty(const ResidualCertainty& certainty,
+                                                const std::vector<ParameterInterval>& intervals);
 /// Of `count` "frames" or "targets" whose derivatives are not exact; nothing for none.
 void add_inexact_remark(int count, const std::string& of_what, Report& report);
 

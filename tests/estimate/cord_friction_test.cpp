@@ -252,7 +252,7 @@ TEST(CordFriction, IsFoundWithTheFabric) {
     EXPECT_LT(p.upper - p.lower, 0.04);
   }
   EXPECT_EQ(with_it.intervals.size(), free.size());
-  EXPECT_EQ(with_it.correlation.rows(), 3);
+  EXPECT_EQ(with_it.certainty.correlation.rows(), 3);
   for (const std::string& name : free)
     EXPECT_NEAR(with_it.fabric.value(name), truth.value(name), 0.05 * truth.value(name)) << name;
   const MechanicalFitResult without_it =

@@ -467,12 +467,12 @@ TEST(CurveBand, FollowsTheIntervalsOfTheControlValues) {
   const VecX strains = Vec3(0, 0.15, 0.3);
   // k = 30 + 10 s / 0.3: at the ends one value alone, in the middle 15/35 and 20/35 of both.
   fit.fabric.set_curve("shear", {Vec2(0, 0.3), Vec2(30, 40)});
-  fit.correlation = MatX::Identity(2, 2);
+  fit.certainty.correlation = MatX::Identity(2, 2);
   CurveBand band = curve_band(fit, "shear", strains);
   EXPECT_NEAR(band.upper[0], 30 * std::exp(0.1), 1e-9);
   EXPECT_NEAR(band.lower[2], 40 * std::exp(-0.1), 1e-9);
   EXPECT_NEAR(band.upper[1], 35 * std::exp(0.1 * std::hypot(15.0, 20.0) / 35), 1e-9);
-  fit.correlation.setOnes();
+  fit.certainty.correlation.setOnes();
   EXPECT_NEAR(curve_band(fit, "shear", strains).upper[1], 35 * std::exp(0.1), 1e-9);
 
   fit.intervals[1].determined = false;

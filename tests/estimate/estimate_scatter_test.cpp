@@ -76,10 +76,32 @@ TEST(EstimateScatter, SaysWhatTheDataLeaveOpen) {
   EXPECT_TRUE(scatter.determined(0));
   EXPECT_FALSE(scatter.determined(1));
   EXPECT_EQ(half_width(scatter, 1, 0.9), kInfinity);
-  // With one part there is nothing to compare.
-  const EstimateScatter one = scatter_of(Vec2(0.4, 0.5), sum_of(parts), {parts[0]}, 0.1);
-  EXPECT_EQ(one.parts, 1U);
-  EXPECT_TRUE(one.covariance.isZero(0));
+}
+
+TEST(EstimateScatter, WithOnePartTheNoiseCounts) {
+  const auto parts = opposed_parts(Vec2(2, 0), 0.6);
+  const EstimateScatter one = scatter_of(Vec2(0.4, 0.5), sum_of({parts[0]}), {parts[0]}, 0.1, 3);
+  EXPECT_TRUE(one.determined(0));
+  EXPECT_FALSE(one.determined(1));
+  EXPECT_NEAR(one.covariance(0, 0), 3 * 0.1 / 2, 1e-15);
+  EXPECT_NEAR(half_width(one, 0, 0.9), normal_half_width(0.9) * std::sqrt(0.15), 1e-12);
+}
+
+// Of a table of strips and one test of bending: what that one alone tells is known by the noise,
+// and what nothing tells does not make the others unknown.
+TEST(EstimateScatter, OnePartMayDecideAloneBesideMany) {
+  auto parts = opposed_parts(Vec3(2, 0, 0), 0.6);
+  CostPart bend{1, 0, Vec3(0, 0, 0), MatX::Zero(3, 3)};
+  bend.hessian(1, 1) = 50;  // stronger than all others together
+  parts.push_back(bend);
+  const EstimateScatter scatter = scatter_of(Vec3(0.4, 0.5, 0.5), sum_of(parts), parts, 0.1, 2);
+  EXPECT_TRUE(scatter.determined(0));
+  EXPECT_TRUE(scatter.determined(1));
+  EXPECT_FALSE(scatter.determined(2));
+  // Of seven parts, six with a stiffness of 2, two pull: (6 / 7) 2 (0.6 / 10)^2.
+  EXPECT_NEAR(scatter.covariance(0, 0), 6.0 / 7 * 2 * 0.0036, 1e-12);
+  EXPECT_NEAR(scatter.covariance(1, 1), 2 * 0.1 / 50, 1e-12);
+  EXPECT_EQ(half_width(scatter, 2, 0.9), kInfinity);
 }
 
 TEST(EstimateScatter, PriorsNarrow) {
@@ -88,7 +110,7 @@ TEST(EstimateScatter, PriorsNarrow) {
   QuadraticModel model = sum_of(parts);
   const EstimateScatter free = scatter_of(Vec2(0.4, 0.5), model, parts, 0.1);
   model.hessian += prior.hessian;
-  const EstimateScatter tied = scatter_of(Vec2(0.4, 0.5), model, parts, 0.1, prior);
+  const EstimateScatter tied = scatter_of(Vec2(0.4, 0.5), model, parts, 0.1, 1, prior);
   EXPECT_LT(half_width(tied, 0, 0.9), 0.1 * half_width(free, 0, 0.9));
   EXPECT_NEAR(half_width(tied, 1, 0.9), half_width(free, 1, 0.9), 1e-12);
 }

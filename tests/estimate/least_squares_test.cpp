@@ -156,6 +156,21 @@ TEST(LeastSquares, AnInfiniteStartIsSaid) {
   EXPECT_EQ(found.x[0], 0.5);
 }
 
+TEST(LeastSquares, WhatWasReachedStaysWhereALinearizationFails) {
+  const auto residual = [](const VecX& x) { return x[0] - 0.9; };
+  const LeastSquaresResult found = minimize_least_squares(
+      [&](const VecX& x) {
+        const double cost =
+            x[0] > 0.1 ? std::numeric_limits<double>::infinity() : residual(x) * residual(x);
+        return QuadraticModel{cost, VecX::Constant(1, 2 * residual(x)), MatX::Constant(1, 1, 2)};
+      },
+      [&](const VecX& x) { return residual(x) * residual(x); }, VecX::Zero(1), VecX::Zero(1),
+      VecX::Ones(1));
+  EXPECT_EQ(found.end, LeastSquaresEnd::linearization_infinite);
+  EXPECT_NEAR(found.x[0], 0.3, 1e-12);  // the largest step
+  EXPECT_NEAR(found.cost, 0.36, 1e-12);
+}
+
 TEST(LeastSquares, ObserverSeesEachStepAndStops) {
   int seen = 0;
   const Residuals problem = rosenbrock();

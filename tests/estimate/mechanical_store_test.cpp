@@ -63,7 +63,7 @@ void expect_same(const MechanicalFitResult& a, const MechanicalFitResult& b) {
   EXPECT_EQ(a.end, b.end);
   EXPECT_EQ(a.evaluations, b.evaluations);
   EXPECT_EQ(a.mesh.shift, b.mesh.shift);
-  EXPECT_EQ(a.condition, b.condition);
+  EXPECT_EQ(a.certainty.condition, b.certainty.condition);
   EXPECT_EQ(a.inexact, b.inexact);
   ASSERT_EQ(a.intervals.size(), b.intervals.size());
   for (std::size_t i = 0; i < a.intervals.size(); ++i)

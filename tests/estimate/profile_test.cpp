@@ -17,13 +17,14 @@ struct Valley {
   double stiff = 0.1;      // s where x > 0.4
   double soft = 0.1;       // s where x < 0.4
   double infinite_at = 2;  // cost beyond this x
+  double misfit = 0;       // of the cost, whatever x and y are
 
   double follow(double x) const { return 0.3 + bend * (x - 0.4) * (x - 0.4) * 4; }
   double width(double x) const { return x > 0.4 ? stiff : soft; }
   double cost(const VecX& x) const {
     if (x[0] > infinite_at) return std::numeric_limits<double>::infinity();
     const double a = (x[1] - follow(x[0])) / 0.02, b = (x[0] - 0.4) / width(x[0]);
-    return a * a + b * b;
+    return a * a + b * b + misfit;
   }
   QuadraticModel model(const VecX& x) const {
     const double a = (x[1] - follow(x[0])) / 0.02, b = (x[0] - 0.4) / width(x[0]);
@@ -48,7 +49,8 @@ TEST(Profile, IsTheIntervalOfDerivativesForAParabola) {
   const Profile p = Valley{}.of(0);
   EXPECT_NEAR(p.lower, 0.4 - 0.1645, 1e-4);
   EXPECT_NEAR(p.upper, 0.4 + 0.1645, 1e-4);
-  EXPECT_FALSE(p.lower_open || p.upper_open);
+  EXPECT_EQ(p.lower_end, ProfileEnd::crossed);
+  EXPECT_EQ(p.upper_end, ProfileEnd::crossed);
   for (std::size_t i = 1; i < p.points.size(); ++i)
     EXPECT_LT(p.points[i - 1].x[0], p.points[i].x[0]);
 }
@@ -73,15 +75,15 @@ TEST(Profile, FollowsAWayThatBends) {
 TEST(Profile, SaysWhereTheRangeEndsFirst) {
   const Valley valley{.stiff = 10, .soft = 0.1};
   const Profile p = valley.of(0);
-  EXPECT_TRUE(p.upper_open);
+  EXPECT_EQ(p.upper_end, ProfileEnd::range);
   EXPECT_EQ(p.upper, 1);
-  EXPECT_FALSE(p.lower_open);
+  EXPECT_EQ(p.lower_end, ProfileEnd::crossed);
 }
 
 TEST(Profile, StopsShortOfAnInfiniteCost) {
   const Valley valley{.stiff = 0.5, .infinite_at = 0.62};
   const Profile p = valley.of(0);
-  EXPECT_TRUE(p.upper_open);
+  EXPECT_EQ(p.upper_end, ProfileEnd::infinite);
   EXPECT_LE(p.upper, 0.62);
   EXPECT_GT(p.upper, 0.55);
 }
@@ -98,7 +100,83 @@ TEST(Profile, ObserverStops) {
                               return false;
                             });
   EXPECT_EQ(seen, 1);
-  EXPECT_TRUE(p.upper_open);
+  EXPECT_EQ(p.lower_end, ProfileEnd::stopped);
+  EXPECT_EQ(p.upper_end, ProfileEnd::stopped);
+  EXPECT_EQ(p.upper, 0.4);
+}
+
+TEST(Profile, HasAsManyPointsAsMayBe) {
+  ProfileOptions options;
+  options.first_step = 0.01;
+  options.most_points = 2;
+  const Profile p = Valley{}.of(0, options);
+  EXPECT_EQ(p.points.size(), 5U);
+  EXPECT_EQ(p.upper_end, ProfileEnd::most_points);
+  EXPECT_NEAR(p.upper, 0.4 + 0.01 + 0.02, 1e-12);  // the rise is small: twice as far
+}
+
+TEST(Profile, AShortFirstStepIsTried) {
+  ProfileOptions options;
+  options.first_step = 1e-3;
+  const Profile p = Valley{.stiff = 1e-3, .soft = 1e-3}.of(0, options);
+  EXPECT_NEAR(p.lower, 0.4 - 1.645e-3, 1e-6);
+  EXPECT_NEAR(p.upper, 0.4 + 1.645e-3, 1e-6);
+}
+
+/// Residuals J (x - estimate), beside a misfit that no x mends: the interval of x_0 is known from
+/// J, ((J^T J)^-1)_00.
+struct Linear {
+  MatX jacobian;
+  double misfit = 0;
+  std::vector<VecX> linearized_at{};
+
+  Profile of(const VecX& estimate, double dispersion) {
+    const auto cost = [&](const VecX& x) {
+      return (jacobian * (x - estimate)).squaredNorm() + misfit;
+    };
+    const auto model = [&](const VecX& x) {
+      linearized_at.push_back(x);
+      const VecX r = jacobian * (x - estimate);
+      return QuadraticModel{cost(x), 2 * jacobian.transpose() * r,
+                            2 * jacobian.transpose() * jacobian};
+    };
+    ProfileOptions options;
+    options.first_step = 0.04;
+    return profile(model, cost, estimate, 0, dispersion, options);
+  }
+};
+
+TEST(Profile, BeginsWhereTheModelLeads) {
+  // x_1 = 0.99 x_0 is best, which the first search need not find out.
+  Linear linear{MatX(2, 2)};
+  linear.jacobian << 1, 0, -0.99 * 20, 20;
+  linear.of(VecX::Constant(2, 0.4), 0.01);
+  ASSERT_GT(linear.linearized_at.size(), 1U);
+  EXPECT_NEAR(linear.linearized_at[1][0], 0.4 - 0.04, 1e-12);
+  EXPECT_NEAR(linear.linearized_at[1][1], 0.4 - 0.99 * 0.04, 1e-6);
+}
+
+TEST(Profile, IsThatOfAParabolaWhateverTheMisfitAndTheStiffness) {
+  // x_1 follows stiffly, x_2 softly: where it does not the cost rises five times as much.
+  for (const double ratio : {1.0, 1e4, 1e6}) {
+    const double stiff = std::sqrt(ratio);
+    Linear linear{MatX(3, 3), 1000};
+    linear.jacobian << 0.5, 0, 0,  //
+        -0.5 * stiff, stiff, 0,    //
+        -1, 0, 1;
+    // (J^T J)^-1_00 is 4, and this dispersion makes the deviation 0.1.
+    const Profile p = linear.of(VecX::Constant(3, 0.4), 2 * 0.01 / 4);
+    // A hundredth of the threshold is a two-hundredth of the interval.
+    EXPECT_NEAR(p.lower, 0.4 - 0.1645, 2e-3) << ratio;
+    EXPECT_NEAR(p.upper, 0.4 + 0.1645, 2e-3) << ratio;
+  }
+}
+
+TEST(Profile, MisfitDoesNotNarrowIt) {
+  // The solver's tolerance is a part of the cost, of which the rise may be a thousandth.
+  const Profile p = Valley{.bend = 1, .misfit = 2000}.of(0);
+  EXPECT_NEAR(p.upper, 0.4 + 0.1645, 2e-3);
+  EXPECT_NEAR(p.lower, 0.4 - 0.1645, 2e-3);
 }
 
 TEST(Profile, OptionsAreThoseOfAnInterval) {

@@ -421,7 +421,7 @@ TEST(Uncertainty, RejectsBadArguments) {
       analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
   auto parts = random_parts(20, {Vec2(1, 0.5), Vec2(0.1, 1)});
   EXPECT_THROW(estimate_uncertainty(problem, VecX::Zero(3), parts), Error);
-  EXPECT_THROW(cluster_covariance({parts[0]}), Error);
+  EXPECT_THROW(cluster_covariance({}), Error);
   UncertaintyOptions options;
   options.frames_per_cluster = -1;
   EXPECT_THROW(estimate_uncertainty(problem, VecX::Zero(2), parts, options), Error);
@@ -430,6 +430,43 @@ TEST(Uncertainty, RejectsBadArguments) {
   EXPECT_THROW(estimate_uncertainty(problem, VecX::Zero(2), parts, options), Error);
   parts[3].gradient = VecX::Zero(3);
   EXPECT_THROW(cluster_covariance(parts), Error);
+}
+
+// Frame 0 alone tells p_0, however much of it; all frames tell p_1.
+TEST(ClusterCovariance, GivesUpWhatOneClusterDecidesAndNothingElse) {
+  for (const double weight : {0.1, 100.0}) {
+    std::vector<CostPart> clusters;
+    for (int k = 0; k < 10; ++k) {
+      CostPart part{0, k, VecX::Zero(2), MatX::Zero(2, 2)};
+      part.hessian(1, 1) = 2;
+      part.gradient[1] = k % 2 ? 0.1 : -0.1;
+      if (k == 0) part.hessian(0, 0) = weight;
+      clusters.push_back(part);
+    }
+    const ClusterCovariance found = cluster_covariance(clusters);
+    ASSERT_EQ(found.undetermined.cols(), 1) << weight;
+    EXPECT_EQ(found.without_data, 0);
+    EXPECT_NEAR(std::abs(found.undetermined(0, 0)), 1, 1e-12);
+    EXPECT_EQ(found.covariance(0, 0), 0);
+    // Without one of ten the estimate moves by 0.1 / 18: (9 / 10) 10 (0.1 / 18)^2.
+    EXPECT_NEAR(found.covariance(1, 1), 9 * std::pow(0.1 / 18, 2), 1e-12) << weight;
+  }
+}
+
+TEST(ClusterCovariance, DirectionsWithoutDataComeFirst) {
+  std::vector<CostPart> clusters;
+  for (int k = 0; k < 4; ++k) {
+    CostPart part{0, k, VecX::Zero(3), MatX::Zero(3, 3)};
+    part.hessian(0, 0) = 1;
+    if (k == 2) part.hessian(1, 1) = 1;
+    clusters.push_back(part);
+  }
+  const ClusterCovariance found = cluster_covariance(clusters);
+  ASSERT_EQ(found.undetermined.cols(), 2);
+  EXPECT_EQ(found.without_data, 1);
+  EXPECT_NEAR(std::abs(found.undetermined(2, 0)), 1, 1e-12);
+  EXPECT_NEAR(std::abs(found.undetermined(1, 1)), 1, 1e-12);
+  EXPECT_TRUE(std::isinf(found.condition));
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ namespace {
 /// in another way: stored evaluations and cached features of older programs are then not used.
 constexpr int kEvaluationVersion = 5;
 /// The same of mechanical captures.
-constexpr int kMechanicalVersion = 1;
+constexpr int kMechanicalVersion = 2;
 
 void add_mesh(ContentHash& hash, const TriangleMesh& mesh) {
   hash.add(mesh.material);

@@ -331,7 +331,8 @@ class CurveFitter {
     const VecX scaled = p.scaled(from);
     MechanicalFitOptions options = options_.fit;
     options.mesh_error = MeshError::left_out;  // on the way
-    for (const double factor : kFactors) {
+    for (std::size_t k = 0;; ++k) {
+      const double factor = kFactors[k];
       VecX x = scaled;
       for (int i = 0; i < p.dimension(); ++i)
         if (p.info(i).scale == Scale::logarithmic)
@@ -340,10 +341,18 @@ class CurveFitter {
       try {
         return fit_mechanical(p, p.fabric(x), options, observer, &near);
       } catch (const MechanicalStartError&) {
-        if (factor == kFactors.back()) throw;
+        if (k + 1 == kFactors.size()) throw;
       }
     }
-    return {};
+  }
+
+  /// The fit that a group is at, and its place among the stages.
+  struct Kept {
+    MechanicalFitResult fit;
+    std::size_t stage;
+  };
+  Kept at_last_stage(MechanicalFitResult fit) const {
+    return {std::move(fit), result_.stages.size() - 1};
   }
 
   /// A fit from `from`, noted as a stage. `weights` to begin with; none: those of `from`. `near`:
@@ -408,24 +417,23 @@ class CurveFitter {
         subdivide_anew(group, pass, found, shapes);
       return;
     }
-    if (is_shear(group)) found = fit_longer_stretch(group, std::move(found), shapes);
-    found = subdivide(group, std::move(found), shapes, pass);
-    first_pass_.emplace(group.name, std::move(found));
+    Kept kept = at_last_stage(std::move(found));
+    if (is_shear(group)) kept = fit_longer_stretch(group, std::move(kept), shapes);
+    kept = subdivide(group, std::move(kept), shapes, pass);
+    first_pass_.emplace(group.name, std::move(kept.fit));
   }
 
   /// The shear with longer curves of stretch where it needs them and where they leave the tests of
   /// stretch as they were found. `shorter`: the shear without them.
-  MechanicalFitResult fit_longer_stretch(const Group& shear, MechanicalFitResult shorter,
-                                         Shapes& shapes) {
+  Kept fit_longer_stretch(const Group& shear, Kept shorter, Shapes& shapes) {
     lengthen_stretch(shear, shapes.here);
     while (!longer_.empty() && !stopped_) {
-      MechanicalFitResult found = stage(shear, fabric_, 1, most_points_of(shear), shapes.here);
-      fabric_ = found.fabric;
-      const std::size_t place = result_.stages.size() - 1;
-      if (!shorten_where_stretch_loses(shorter.fabric)) return found;
-      result_.stages[place].kept = false;
+      Kept longer = at_last_stage(stage(shear, fabric_, 1, most_points_of(shear), shapes.here));
+      fabric_ = longer.fit.fabric;
+      if (!shorten_where_stretch_loses(shorter.fit.fabric)) return longer;
+      result_.stages[longer.stage].kept = false;
     }
-    fabric_ = shorter.fabric;
+    fabric_ = shorter.fit.fabric;
     return shorter;
   }
 
@@ -517,11 +525,12 @@ class CurveFitter {
       ++count;
     }
     if (count == 0) return;
-    for (const std::string& row : diagonal) {
-      const ParameterInfo info = fabric_.info(fabric_.value_index(row));
-      fabric_.set(row, std::clamp(fabric_at_start_.value(row) * std::exp(way / count), info.lower,
-                                  info.upper));
-    }
+    for (const std::string& row : diagonal)
+      for (const std::string& name : value_names(fabric_, row)) {
+        const ParameterInfo info = fabric_.info(fabric_.value_index(name));
+        fabric_.set(name, std::clamp(fabric_at_start_.value(name) * std::exp(way / count),
+                                     info.lower, info.upper));
+      }
   }
 
   /// Of the values of a row.
@@ -534,17 +543,16 @@ class CurveFitter {
 
   /// One more control point each, as long as it pays: with the weights of the fit without it, for
   /// costs of different weights say nothing of each other. Returns the last that did.
-  MechanicalFitResult subdivide(const Group& group, MechanicalFitResult kept, Shapes& shapes,
-                                int pass) {
+  Kept subdivide(const Group& group, Kept kept, Shapes& shapes, int pass) {
     for (int points = 2; points <= options_.most_points && !stopped_; ++points) {
       Fabric finer = fabric_;
       if (!place_points(group, points, shapes.here, finer)) break;
-      MechanicalFitResult found = stage(group, finer, pass, points, shapes.here, kept.weights);
-      const std::size_t place = result_.stages.size() - 1;
-      result_.stages[place].kept = pays(group, kept.cost, found.cost_first, found.residual_count) &&
-                                   pays_on_finer_cells(group, place, kept, found, shapes);
-      if (!result_.stages[place].kept) break;
-      fabric_ = found.fabric;
+      Kept found = at_last_stage(stage(group, finer, pass, points, shapes.here, kept.fit.weights));
+      result_.stages[found.stage].kept =
+          pays(group, kept.fit.cost, found.fit.cost_first, found.fit.residual_count) &&
+          pays_on_finer_cells(group, kept, found, shapes);
+      if (!result_.stages[found.stage].kept) break;
+      fabric_ = found.fit.fabric;
       kept = std::move(found);
     }
     return kept;
@@ -559,7 +567,7 @@ class CurveFitter {
     const std::size_t first = result_.stages.size();
     const MechanicalFitResult found = stage(group, constant, pass, 1, shapes.here, before.weights);
     fabric_ = found.fabric;
-    subdivide(group, found, shapes, pass);
+    subdivide(group, at_last_stage(found), shapes, pass);
     const double most = (1 + options_.least_reduction) * cost_of(group, before.fabric, before);
     if (!stopped_ && cost_of(group, fabric_, before) <= most) return;
     fabric_ = before.fabric;
@@ -593,18 +601,18 @@ class CurveFitter {
     return before - after >= std::max(options_.least_reduction * before, schwarz);
   }
 
-  /// Of the stage at `place`, which ended at `found`, against the one before, at `kept`. Where it
-  /// cannot be told the cells of the fit decide.
-  bool pays_on_finer_cells(const Group& group, std::size_t place, const MechanicalFitResult& kept,
-                           const MechanicalFitResult& found, Shapes& shapes) {
+  /// Of `found` against `kept`. Where it cannot be told the cells of the fit decide.
+  bool pays_on_finer_cells(const Group& group, const Kept& kept, const Kept& found,
+                           Shapes& shapes) {
     if (options_.fit.mesh_error == MeshError::left_out || stopped_) return true;
-    double& before = result_.stages[place - 1].finer_cost;
-    double& after = result_.stages[place].finer_cost;
-    if (std::isnan(before) || !kept.weights.empty())
-      before = cost_on_finer_cells(group, kept.fabric, kept.weights, shapes);
+    const ForceWeights& weights = kept.fit.weights;
+    double& before = result_.stages[kept.stage].finer_cost;
+    double& after = result_.stages[found.stage].finer_cost;
+    if (std::isnan(before) || !weights.empty())
+      before = cost_on_finer_cells(group, kept.fit.fabric, weights, shapes);
     if (std::isnan(before)) return true;
-    after = cost_on_finer_cells(group, found.fabric, kept.weights, shapes);
-    return std::isnan(after) || pays(group, before, after, found.residual_count);
+    after = cost_on_finer_cells(group, found.fit.fabric, weights, shapes);
+    return std::isnan(after) || pays(group, before, after, found.fit.residual_count);
   }
 
   /// The least that the rows of `group` reach there, to second order about `estimate`.
@@ -813,8 +821,8 @@ CurveBand curve_band(const MechanicalFitResult& fit, std::string_view row, const
     for (int i = 0; i < count; ++i)
       for (int j = 0; j < count; ++j) {
         const double c = i == j ? 1
-                                : fit.correlation(places[static_cast<std::size_t>(i)],
-                                                  places[static_cast<std::size_t>(j)]);
+                                : fit.certainty.correlation(places[static_cast<std::size_t>(i)],
+                                                            places[static_cast<std::size_t>(j)]);
         // Where it is not known, as if both went wrong together.
         square += std::isnan(c) ? std::abs(way[i] * way[j]) : c * way[i] * way[j];
       }

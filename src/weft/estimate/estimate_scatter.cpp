@@ -1,6 +1,5 @@
 #include "weft/estimate/estimate_scatter.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,16 +7,9 @@
 namespace weft {
 namespace {
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kManyDegrees = 1e6;  // of freedom: the normal distribution
 constexpr double kLeastLost = 1e-6;   // share of a parameter that no part determines
-
-VecX noise_variances(const MatX& hessian, double dispersion) {
-  const Eigen::LDLT<MatX> factor(hessian);
-  const Eigen::Index n = hessian.rows();
-  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 0))
-    return VecX::Constant(n, std::numeric_limits<double>::infinity());
-  return dispersion * factor.solve(MatX::Identity(n, n)).diagonal();
-}
 
 double two_sided_quantile(double confidence, double degrees_of_freedom) {
   return student_quantile(0.5 + 0.5 * confidence, degrees_of_freedom);
@@ -43,7 +35,7 @@ bool EstimateScatter::determined(Eigen::Index i) const {
 }
 
 EstimateScatter scatter_of(const VecX& scaled, const QuadraticModel& model,
-                           const std::vector<CostPart>& parts, double dispersion,
+                           const std::vector<CostPart>& parts, double dispersion, double alone,
                            const PriorTerm& prior) {
   const Eigen::Index n = scaled.size();
   EstimateScatter scatter;
@@ -52,18 +44,26 @@ EstimateScatter scatter_of(const VecX& scaled, const QuadraticModel& model,
   scatter.noise = scatter.undetermined = VecX::Zero(n);
   scatter.parts = parts.size();
   const auto& free = scatter.free;
-  if (parts.size() < 2 || free.empty()) return scatter;
+  if (free.empty()) return scatter;
+  const MatX hessian = model.hessian(free, free);
   const ClusterCovariance found =
       cluster_covariance(of_parameters(free, parts), of_parameters(free, prior));
   scatter.condition = found.condition;
-  scatter.covariance(free, free) = found.covariance;
-  scatter.undetermined(free) = VecX(found.undetermined.rowwise().squaredNorm());
-  scatter.noise(free) = noise_variances(model.hessian(free, free), dispersion);
+  const MatX noise = dispersion * pseudo_inverse(hessian);
+  const MatX lone = found.undetermined.rightCols(found.undetermined.cols() - found.without_data);
+  scatter.covariance(free, free) =
+      found.covariance + alone * lone * (lone.transpose() * noise * lone) * lone.transpose();
+  scatter.undetermined(free) =
+      VecX(found.undetermined.leftCols(found.without_data).rowwise().squaredNorm());
+  const auto left_open = scatter.undetermined(free).array() >= kLeastLost;
+  scatter.noise(free) = VecX(left_open.select(kInfinity, noise.diagonal()));
   return scatter;
 }
 
 double half_width(const EstimateScatter& scatter, Eigen::Index i, double confidence) {
-  const double t = two_sided_quantile(confidence, static_cast<double>(scatter.parts) - 1);
+  const double t = scatter.parts < 2
+                       ? normal_half_width(confidence)
+                       : two_sided_quantile(confidence, static_cast<double>(scatter.parts) - 1);
   return std::max(t * std::sqrt(scatter.covariance(i, i)),
                   normal_half_width(confidence) * std::sqrt(scatter.noise[i]));
 }

@@ -9,10 +9,13 @@ namespace weft {
 /// How a least-squares estimate scatters: what intervals are made of. Coordinates scaled to [0, 1].
 struct EstimateScatter {
   std::vector<Eigen::Index> free;  ///< parameters that no bound holds
-  MatX covariance;                 ///< of the jackknife (uncertainty.h); zero for held ones
-  VecX noise;                      ///< variances by the noise alone; zero for held ones
-  VecX undetermined;               ///< share of a parameter that no part determines, 0 to 1
-  double condition = 0;            ///< of the Gauss-Newton matrix of the free ones
+  /// Of the jackknife (uncertainty.h); in directions that one part decides alone, by the noise.
+  /// Zero for held ones.
+  MatX covariance;
+  /// Variances by the noise alone; zero for held ones, infinite for what no part determines.
+  VecX noise;
+  VecX undetermined;     ///< share of a parameter that no part determines, 0 to 1
+  double condition = 0;  ///< of the Gauss-Newton matrix of the free ones
   std::size_t parts = 0;
 
   bool held(Eigen::Index i) const;
@@ -23,16 +26,17 @@ struct EstimateScatter {
 /// Parameters, scaled to [0, 1], but for those at a bound towards which the cost falls.
 std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient);
 
-/// Parameters at a bound towards which the cost falls are held. The noise's variances are those of
-/// `dispersion` times the inverse of the cost's Gauss-Newton matrix, infinite where that is
-/// singular. `prior`: besides the parts, never left out; empty: nothing. With fewer than two parts
-/// nothing but `free` is found. Throws Error as cluster_covariance().
+/// Parameters at a bound towards which the cost falls are held. The noise's covariance is
+/// `dispersion` times the inverse of the cost's Gauss-Newton matrix, where that is not singular.
+/// Where one part decides alone nothing can be left out: there it is what counts, `alone` times, >=
+/// 1; with a single part everywhere. `prior`: besides the parts, never left out; empty: nothing.
+/// Throws Error as cluster_covariance(), and for no parts.
 EstimateScatter scatter_of(const VecX& scaled, const QuadraticModel& model,
-                           const std::vector<CostPart>& parts, double dispersion,
+                           const std::vector<CostPart>& parts, double dispersion, double alone = 1,
                            const PriorTerm& prior = {});
 
 /// Of the interval to either side: the jackknife's, with Student's t, but at least as wide as the
-/// noise alone makes it. Throws Error for fewer than two parts.
+/// noise alone makes it.
 double half_width(const EstimateScatter& scatter, Eigen::Index i, double confidence);
 
 /// -1 to 1; NaN where a variance is zero.

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -124,10 +125,14 @@ class LevenbergMarquardt {
     result_.x = start.cwiseMax(lower_).cwiseMin(upper_);
     while (result_.iterations < options_.max_iterations) {
       const QuadraticModel model = linearize_(result_.x);
-      ++result_.iterations;
+      const bool first = ++result_.iterations == 1;
+      if (!std::isfinite(model.cost)) {
+        if (first) result_.cost = model.cost;
+        return finished(first ? LeastSquaresEnd::start_infinite
+                              : LeastSquaresEnd::linearization_infinite);
+      }
       result_.cost = model.cost;
-      if (!std::isfinite(model.cost)) return finished(LeastSquaresEnd::start_infinite);
-      if (result_.iterations == 1) damping_ = options_.initial_damping * scale_of(model);
+      if (first) damping_ = options_.initial_damping * scale_of(model);
       if (!improve(model)) return result_;
     }
     return finished(LeastSquaresEnd::max_iterations);
@@ -216,6 +221,7 @@ class LevenbergMarquardt {
 }  // namespace
 
 VecX minimize_in_box(const MatX& a, const VecX& g, const VecX& lower, const VecX& upper) {
+  assert((lower.array() <= 0).all() && (upper.array() >= 0).all());
   return BoxProgram(a, g, lower, upper).solve();
 }
 

@@ -31,6 +31,8 @@ enum class LeastSquaresEnd {
   max_iterations,
   stopped,         ///< by the observer
   start_infinite,  ///< nothing could be done
+  /// A point that was reached has a cost but no linearization: the result is there.
+  linearization_infinite,
 };
 
 struct LeastSquaresStep {

@@ -25,6 +25,8 @@ constexpr int kEnoughSteps = 2;
 /// Of a search with new weights: they have not changed where it ends.
 constexpr double kEnoughByWeights = 0.1;
 constexpr int kMostSearches = 8;
+/// Pieces of a single shape, and points of one: residuals of neighbours depend on each other.
+constexpr Eigen::Index kMostPieces = 8, kLeastPiece = 2;
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -76,9 +78,7 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
   add_ties();
   for (const auto& trial : trials_) {
     std::size_t count = 0;
-    if (uses_forces(*trial))
-      for (const MechanicalFixture& fixture : trial->capture.fixtures)
-        count += force_count(fixture);
+    if (uses_forces(*trial)) count += force_count(*trial);
     if (uses_points(*trial))
       for (const int stage : trial->stage_of_frame)
         count += 3 * at(std::count(trial->stages[at(stage)].point_held.begin(),
@@ -140,10 +140,18 @@ void MechanicalProblem::add_ties() {
   }
 }
 
-std::size_t MechanicalProblem::force_count(const MechanicalFixture& fixture) const {
-  const auto known = !fixture.forces.array().isNaN();
-  if (options_.forces == MechanicalForces::all) return at(known.count());
-  return at(known.colwise().all().count());
+std::size_t MechanicalProblem::force_count(const MechanicalTrial& trial) const {
+  std::size_t count = 0;
+  for (int frame = 0; frame < trial.capture.frame_count; ++frame)
+    for_each_force(trial, frame, [&](std::size_t, const Vec3&, double) { ++count; });
+  return count;
+}
+
+bool MechanicalProblem::only_along_clips(const MechanicalTrial& trial) const {
+  return options_.forces == MechanicalForces::along_clips &&
+         std::ranges::any_of(trial.capture.fixtures, [](const MechanicalFixture& fixture) {
+           return (!fixture.forces.array().isNaN()).colwise().all().any();
+         });
 }
 
 bool MechanicalProblem::uses_forces(const MechanicalTrial& trial) const {
@@ -213,11 +221,12 @@ std::string MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivative
 template <typename Add>
 void MechanicalProblem::for_each_force(const MechanicalTrial& trial, int frame,
                                        const Add& add) const {
+  const bool along_clips = only_along_clips(trial);
   for (std::size_t c = 0; c < trial.capture.fixtures.size(); ++c) {
     const MechanicalFixture& fixture = trial.capture.fixtures[c];
     if (fixture.forces.cols() == 0) continue;
     const Vec3 measured = fixture.forces.col(frame);
-    if (options_.forces == MechanicalForces::along_clips) {
+    if (along_clips) {
       const Vec3 direction = along(fixture.frames[at(frame)]);
       if (!measured.hasNaN()) add(c, direction, direction.dot(measured));
       continue;
@@ -349,6 +358,26 @@ double MechanicalProblem::cost_of(const MechanicalFrames& frames) const {
   return sum / static_cast<double>(residual_count_);
 }
 
+namespace {
+
+/// Of the residuals of a frame, what is left out together: all of them, but of a capture that is a
+/// single shape pieces of it, one after the other, first residual and count.
+std::vector<std::pair<Eigen::Index, Eigen::Index>> pieces_of(const MechanicalTrial& trial,
+                                                             Eigen::Index residuals) {
+  if (trial.capture.frame_count > 1) return {{0, residuals}};
+  const Eigen::Index points = residuals / 3;
+  const Eigen::Index pieces = std::clamp<Eigen::Index>(points / kLeastPiece, 1, kMostPieces);
+  std::vector<std::pair<Eigen::Index, Eigen::Index>> found;
+  for (Eigen::Index k = 0; k < pieces; ++k) {
+    const Eigen::Index first = 3 * (k * points / pieces);
+    const Eigen::Index end = k + 1 == pieces ? residuals : 3 * ((k + 1) * points / pieces);
+    found.emplace_back(first, end - first);
+  }
+  return found;
+}
+
+}  // namespace
+
 MechanicalProblem::Linearization MechanicalProblem::linearization_of(const MechanicalFrames& frames,
                                                                      const VecX& scaled) const {
   const auto n = static_cast<Eigen::Index>(dimension()),
@@ -378,12 +407,15 @@ MechanicalProblem::Linearization MechanicalProblem::linearization_of(const Mecha
         jacobian.col(n + j) = (info.upper - info.lower) * r.ways;
         result.friction[j] = friction;
       }
-      CostPart part{t, frame.frame, 2 * factor * jacobian.transpose() * values,
-                    2 * factor * jacobian.transpose() * jacobian};
       result.model.cost += factor * values.squaredNorm();
-      gradient += part.gradient;
-      hessian += part.hessian;
-      result.parts.push_back(std::move(part));
+      for (const auto& [first, count] : pieces_of(*trials_[t], values.size())) {
+        const auto rows = jacobian.middleRows(first, count);
+        CostPart part{t, frame.frame, 2 * factor * rows.transpose() * values.segment(first, count),
+                      2 * factor * rows.transpose() * rows};
+        gradient += part.gradient;
+        hessian += part.hessian;
+        result.parts.push_back(std::move(part));
+      }
       if (frame.inexact) ++result.inexact;
     }
   }
@@ -572,7 +604,10 @@ std::string MechanicalProblem::key(Question question, const VecX& scaled,
   hash.add(scaled);
   // An evaluation that keeps its shapes is not one that does not.
   hash.add(near != nullptr);
-  if (near) hash.add(std::string_view(near->evaluation_));
+  if (near) {
+    hash.add(std::string_view(near->chain_));  // whose shapes they are
+    hash.add(std::string_view(near->evaluation_));
+  }
   return hash.hex();
 }
 
@@ -648,22 +683,13 @@ class WithFriction {
   std::vector<ParameterInfo> infos_;
 };
 
-ParameterInterval not_bounded(const ParameterInfo& info, double value) {
-  ParameterInterval interval = interval_about(info, to_scaled(info, value), 1);
-  interval.determined = false;
-  interval.lower = 0;
-  interval.upper = kInfinity;
-  return interval;
-}
-
 void add_friction_intervals(const MechanicalProblem& problem, const VecX& friction,
                             const std::vector<ParameterInterval>& intervals,
                             MechanicalFitResult& result) {
   const std::vector<std::size_t> trials = problem.with_friction();
   for (std::size_t i = 0; i < trials.size(); ++i) {
     const double value = friction[static_cast<Eigen::Index>(i)];
-    ParameterInterval interval =
-        intervals.empty() ? not_bounded(problem.friction_info(i), value) : intervals[i];
+    ParameterInterval interval = intervals[i];
     interval.name = problem.trials()[trials[i]]->capture.name;
     interval.lower = std::max(0.0, interval.lower);
     interval.at_lower = value == 0;
@@ -690,14 +716,16 @@ void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
   ResidualIntervals intervals =
       residual_intervals(joint.infos(), x, all.model, found.parts, problem.residual_count(),
                          options.confidence, mesh_halves);
-  std::vector<ParameterInterval> frictions;
-  if (!intervals.intervals.empty()) {
-    frictions.assign(intervals.intervals.begin() + n, intervals.intervals.end());
-    intervals.intervals.resize(at(n));
-    result.correlation = intervals.correlation.topLeftCorner(n, n);
-  }
+  const std::vector<ParameterInterval> frictions(intervals.intervals.begin() + n,
+                                                 intervals.intervals.end());
+  intervals.intervals.resize(at(n));
   result.intervals = std::move(intervals.intervals);
-  result.condition = intervals.condition;
+  result.certainty = std::move(intervals.certainty);
+  for (MatX* matrix : {&result.certainty.covariance, &result.certainty.correlation})
+    *matrix = MatX(matrix->topLeftCorner(n, n));
+  // What friction leaves open is not known of the fabric.
+  result.certainty.information =
+      0.5 * static_cast<double>(problem.residual_count()) * found.model.hessian;
   add_friction_intervals(problem, found.friction, frictions, result);
 }
 

@@ -17,6 +17,7 @@
 #include "weft/estimate/mechanical_store.h"
 #include "weft/estimate/mechanical_trial.h"
 #include "weft/estimate/mesh_error.h"
+#include "weft/estimate/residual_intervals.h"
 #include "weft/estimate/uncertainty.h"
 
 namespace weft {
@@ -37,7 +38,8 @@ MechanicalResiduals mechanical_residuals_from_name(std::string_view name);
 enum class MechanicalForces {
   all,
   /// That along the long side of the clip, where all three were measured: in an even shear it is of
-  /// the shear alone, while the one across is of the stretch (Miguel et al. 2012, section 5.1).
+  /// the shear alone, while the one across is of the stretch (Miguel et al. 2012, section 5.1). All
+  /// of a capture that has no such force, as a bias extension, of which the pull is measured.
   along_clips
 };
 
@@ -139,8 +141,9 @@ class MechanicalProblem {
   struct Linearization {
     /// Of the free parameters; friction follows them (its Schur complement), where it is not zero.
     QuadraticModel model;
-    /// One a frame that is compared, with rows for the friction of with_friction(), coordinates
-    /// scaled by friction_info(), after those of the free parameters.
+    /// One a frame that is compared, of a capture that is a single shape one a piece of it, eight
+    /// at most; with rows for the friction of with_friction(), coordinates scaled by
+    /// friction_info(), after those of the free parameters.
     std::vector<CostPart> parts;
     VecX friction;       ///< N, of with_friction()
     int inexact = 0;     ///< frames with inexact derivatives
@@ -192,7 +195,8 @@ class MechanicalProblem {
   std::size_t friction_of(std::size_t trial) const;
   double best_friction(std::size_t trial, const std::vector<MechanicalFrame>& frames) const;
   bool uses_forces(const MechanicalTrial& trial) const;
-  std::size_t force_count(const MechanicalFixture& fixture) const;
+  std::size_t force_count(const MechanicalTrial& trial) const;
+  bool only_along_clips(const MechanicalTrial& trial) const;
   /// Calls `add` with each compared component of a frame's forces: the fixture, the direction, and
   /// the measured value (N).
   template <typename Add>
@@ -264,14 +268,13 @@ struct MechanicalFitResult {
   std::size_t replayed = 0;        ///< of these, taken from the store
   std::vector<MechanicalFitStep> history;
   LeastSquaresEnd end = LeastSquaresEnd::max_iterations;
-  /// Of the free parameters, by the jackknife over frames (uncertainty.h); empty with fewer than
-  /// two compared frames.
+  /// Of the free parameters, by the jackknife over frames (residual_intervals.h); empty for an
+  /// estimate without equilibrium.
   std::vector<ParameterInterval> intervals;
+  ResidualCertainty certainty;  ///< of the free parameters
   /// Of the problem's with_friction(). The intervals above hold what it leaves open.
   std::vector<CordFrictionEstimate> cord_friction;
-  MeshShift mesh;        ///< with MeshError::included; in the intervals where it is known
-  MatX correlation;      ///< of the free parameters, scaled coordinates
-  double condition = 0;  ///< of the Gauss-Newton matrix
+  MeshShift mesh;  ///< with MeshError::included; in the intervals where it is known
   int inexact = 0;
   double wall_s = 0;
 };

@@ -484,7 +484,7 @@ ParameterInterval interval_of(const MotionProblem& problem, const EstimateScatte
 void add_intervals(const MotionProblem& problem, const MotionProblem::Linearization& found,
                    double confidence, MotionFitResult& result) {
   const EstimateScatter scatter = scatter_of(result.scaled, found.model, blocks_of(found.parts),
-                                             problem.dispersion(), found.prior);
+                                             problem.dispersion(), 1, found.prior);
   result.correlation = correlation_of(scatter.covariance);
   result.condition = scatter.condition;
   if (scatter.parts < 2) return;

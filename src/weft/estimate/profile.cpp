@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "weft/base/error.h"
 
@@ -14,8 +15,10 @@ namespace {
 // Of another coordinate from one point to the start of the next: what the past says of a bend in
 // the way ends somewhere.
 constexpr double kMostFollowed = 0.15;
-constexpr double kSmallRise = 0.25;   // of the threshold: the next step is twice as long
-constexpr double kLeastStep = 0.002;  // scaled; shorter steps are not tried
+constexpr double kSmallRise = 0.25;       // of the threshold: the next step is twice as long
+constexpr double kLeastStep = 1.0 / 8;    // of the first; shorter steps are not tried
+constexpr double kLeastReduction = 0.01;  // of the threshold, by a step of a search
+constexpr double kDamping = 1e-9;         // of the model's largest diagonal entry
 
 void check(const VecX& estimate, int parameter, double dispersion, const ProfileOptions& options) {
   if (parameter < 0 || parameter >= estimate.size())
@@ -41,8 +44,12 @@ class Profiler {
         dispersion_(dispersion),
         options_(options),
         observer_(observer),
-        model_(linearize(estimate)) {
+        model_(linearize(estimate)),
+        search_(options.least_squares) {
     if (!std::isfinite(model_.cost)) throw Error("profile: the estimate cannot be evaluated");
+    // The solver's tolerance is a part of the cost, which near the interval's ends is this one.
+    const double most = options.threshold * dispersion;
+    search_.cost_tolerance = kLeastReduction * most / (model_.cost + most);
   }
 
   Profile run() {
@@ -54,8 +61,8 @@ class Profiler {
     result.points.insert(result.points.end(), above.points.begin(), above.points.end());
     result.lower = below.limit;
     result.upper = above.limit;
-    result.lower_open = below.open;
-    result.upper_open = above.open;
+    result.lower_end = below.end;
+    result.upper_end = above.end;
     return result;
   }
 
@@ -63,7 +70,7 @@ class Profiler {
   struct Side {
     std::vector<ProfilePoint> points;  ///< outwards
     double limit = 0;
-    bool open = true;
+    ProfileEnd end = ProfileEnd::most_points;
   };
 
   double value_of(const ProfilePoint& point) const { return point.x[parameter_]; }
@@ -72,27 +79,30 @@ class Profiler {
     Side side;
     ProfilePoint before{estimate_, 0}, at = before;
     double step = options_.first_step;
-    while (!stopped_ && static_cast<int>(side.points.size()) < options_.most_points &&
-           step >= kLeastStep) {
+    const auto ended = [&](ProfileEnd end) {
+      side.end = end;
+      side.limit = end == ProfileEnd::crossed ? crossing(before, at) : value_of(at);
+      return side;
+    };
+    while (static_cast<int>(side.points.size()) < options_.most_points) {
+      if (stopped_) return ended(ProfileEnd::stopped);
       const double value = std::clamp(value_of(at) + sign * step, 0.0, 1.0);
-      if (value == value_of(at)) break;  // the end of the range
+      if (value == value_of(at)) return ended(ProfileEnd::range);
       const LeastSquaresResult found = held_at(value, start(before, at, value));
       if (!std::isfinite(found.cost)) {
         step *= 0.5;
+        if (step < kLeastStep * options_.first_step) return ended(ProfileEnd::infinite);
         continue;
       }
-      side.points.push_back({found.x, (found.cost - model_.cost) / dispersion_});
+      side.points.push_back({found.x, (found.cost - model_.cost) / dispersion_,
+                             found.end != LeastSquaresEnd::max_iterations});
       stopped_ = observer_ && !observer_(side.points.back());
       before = std::exchange(at, side.points.back());
-      if (at.rise > options_.threshold) {
-        side.limit = crossing(before, at);
-        side.open = false;
-        return side;
-      }
+      if (at.rise > options_.threshold) return ended(ProfileEnd::crossed);
       if (at.rise < kSmallRise * options_.threshold) step *= 2;
     }
-    side.limit = value_of(at);
-    return side;
+    const bool at_the_end = value_of(at) == (sign < 0 ? 0.0 : 1.0);
+    return ended(at_the_end ? ProfileEnd::range : ProfileEnd::most_points);
   }
 
   /// Where the others are expected with the parameter at `value`.
@@ -107,21 +117,28 @@ class Profiler {
     return x;
   }
 
-  /// The least of the model at the estimate with the parameter moved by `way`.
+  /// The others at the least of the model at the estimate, with the parameter moved by `way`. Its
+  /// gradient is left out: where the estimate is not quite the end of a search, that has others to
+  /// go, too, but not along the profile.
   VecX by_model(double way) const {
-    const VecX room = VecX::Constant(estimate_.size(), kMostFollowed);
-    VecX lower = -room, upper = room;
-    lower[parameter_] = upper[parameter_] = way;
-    MatX hessian = model_.hessian;
-    hessian.diagonal().array() +=
-        options_.least_squares.initial_damping * hessian.diagonal().maxCoeff();
-    return minimize_in_box(hessian, VecX::Zero(estimate_.size()), lower, upper);
+    std::vector<Eigen::Index> others;
+    for (Eigen::Index i = 0; i < estimate_.size(); ++i)
+      if (i != parameter_) others.push_back(i);
+    VecX change = VecX::Zero(estimate_.size());
+    change[parameter_] = way;
+    if (others.empty()) return change;
+    MatX hessian = model_.hessian(others, others);
+    hessian.diagonal().array() += kDamping * model_.hessian.diagonal().maxCoeff();
+    const VecX pull = way * model_.hessian.col(parameter_)(others);
+    const VecX room = VecX::Constant(pull.size(), kMostFollowed);
+    change(others) = minimize_in_box(hessian, pull, -room, room);
+    return change;
   }
 
   LeastSquaresResult held_at(double value, const VecX& x) const {
     VecX lower = VecX::Zero(x.size()), upper = VecX::Ones(x.size());
     lower[parameter_] = upper[parameter_] = value;
-    return minimize_least_squares(linearize_, cost_, x, lower, upper, options_.least_squares);
+    return minimize_least_squares(linearize_, cost_, x, lower, upper, search_);
   }
 
   /// The root of a rise grows in proportion to the distance where the cost is a parabola.
@@ -139,6 +156,7 @@ class Profiler {
   const ProfileOptions& options_;
   const ProfileObserver& observer_;
   QuadraticModel model_;
+  LeastSquaresOptions search_;  ///< of the others
   bool stopped_ = false;
 };
 

@@ -1,5 +1,6 @@
 #include "weft/estimate/residual_intervals.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "weft/estimate/estimate_scatter.h"
@@ -11,12 +12,16 @@ ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, co
                                      const std::vector<CostPart>& parts, std::size_t residual_count,
                                      double confidence, const VecX& systematic) {
   ResidualIntervals result;
-  if (parts.size() < 2) return result;
   // The cost's Gauss-Newton matrix is 2 J^T J / count.
+  const double dispersion = 2 / static_cast<double>(residual_count);
   const EstimateScatter scatter =
-      scatter_of(scaled, model, parts, 2 / static_cast<double>(residual_count));
-  result.condition = scatter.condition;
-  result.correlation = correlation_of(scatter.covariance);
+      scatter_of(scaled, model, parts, dispersion, std::max(1.0, model.cost));
+  result.certainty = {confidence,
+                      parts.size(),
+                      scatter.covariance,
+                      correlation_of(scatter.covariance),
+                      model.hessian / dispersion,
+                      scatter.condition};
   for (Eigen::Index i = 0; i < scaled.size(); ++i) {
     double half = half_width(scatter, i, confidence);
     if (systematic.size() > 0) half += systematic[i];

@@ -6,19 +6,28 @@
 
 namespace weft {
 
+/// How sure an estimate is as a whole; a row and a column for each parameter, scaled coordinates.
+struct ResidualCertainty {
+  double confidence = 0;  ///< of the intervals
+  std::size_t parts = 0;  ///< that were left out in turn; 0: nothing is known
+  MatX covariance;        ///< zero for parameters that a bound holds
+  MatX correlation;       ///< NaN where not determined
+  MatX information;       ///< J^T J: Fisher's, of the stated noise, of all parameters
+  double condition = 0;   ///< of the Gauss-Newton matrix; infinity: singular
+};
 struct ResidualIntervals {
   std::vector<ParameterInterval> intervals;
-  MatX correlation;      ///< scaled coordinates; NaN where not determined
-  double condition = 0;  ///< of the Gauss-Newton matrix
+  ResidualCertainty certainty;
 };
 
 /// Intervals of a least-squares estimate whose residuals were divided by their noise and whose cost
 /// is the mean of their squares: the jackknife over `parts` (uncertainty.h), which measures what
 /// the model lacks, but at least as wide as the stated noise makes them, the diagonal of (J^T
-/// J)^-1. Parameters at a bound towards which the cost falls are held. `infos`: of the parameters,
-/// in the order of `scaled`, the estimate in coordinates scaled to [0, 1]. `systematic`: added to
-/// the half widths, scaled coordinates, >= 0; empty: nothing. With fewer than two parts: no
-/// intervals.
+/// J)^-1. What one part decides alone, as the weight of the only test of bending does, is as sure
+/// as the noise makes it, which then counts max(1, cost) times. Parameters at a bound towards which
+/// the cost falls are held. `infos`: of the parameters, in the order of `scaled`, the estimate in
+/// coordinates scaled to [0, 1]. `systematic`: added to the half widths, scaled coordinates, >= 0;
+/// empty: nothing. Throws Error for no parts.
 ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, const VecX& scaled,
                                      const QuadraticModel& model,
                                      const std::vector<CostPart>& parts, std::size_t residual_count,

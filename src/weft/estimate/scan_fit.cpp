@@ -613,8 +613,7 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
                                                  problem.residual_count(), options.confidence,
                                                  mesh_half_widths(result.mesh.shift));
     result.intervals = std::move(found.intervals);
-    result.correlation = std::move(found.correlation);
-    result.condition = found.condition;
+    result.certainty = std::move(found.certainty);
   }
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;

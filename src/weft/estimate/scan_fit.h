@@ -185,8 +185,7 @@ struct ScanFitResult {
   std::vector<ScanFitEnd> ends;  ///< one a start, the given one first
   std::vector<ParameterInterval> intervals;
   MeshShift mesh;  ///< with MeshError::included; in the intervals where it is known
-  MatX correlation;
-  double condition = 0;
+  ResidualCertainty certainty;
   int inexact = 0;
   double shape_rms = 0, force_rms = 0;  ///< at the end, in units of the noise
   VecX scales;                          ///< factors on the noise of the targets

@@ -36,9 +36,10 @@ double normal_quantile(double p) {
   return x;
 }
 
-/// Throws Error for fewer than two or sizes that differ.
-CostPart sum_of(const std::vector<CostPart>& clusters) {
-  if (clusters.size() < 2) throw Error("uncertainty needs at least two frames");
+/// Throws Error for fewer than `least` or sizes that differ.
+CostPart sum_of(const std::vector<CostPart>& clusters, std::size_t least = 2) {
+  if (clusters.size() < least)
+    throw Error(fmt::format("uncertainty needs at least {} frame{}", least, least > 1 ? "s" : ""));
   const Eigen::Index n = clusters.front().gradient.size();
   CostPart sum{0, 0, VecX::Zero(n), MatX::Zero(n, n)};
   for (const CostPart& cluster : clusters) {
@@ -52,14 +53,51 @@ CostPart sum_of(const std::vector<CostPart>& clusters) {
   return sum;
 }
 
-/// The estimate without cluster k less the estimate, to first order; empty where a direction is
-/// left without any data.
-VecX leave_one_out(const MatX& hessian, const VecX& gradient) {
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
-  const VecX& values = eigen.eigenvalues();
-  if (!(values[0] > kRounding * values[values.size() - 1])) return {};
-  return -(eigen.eigenvectors() *
-           (eigen.eigenvectors().transpose() * gradient).cwiseQuotient(values));
+/// How many of a positive semidefinite matrix' eigenvalues, rising, are zero.
+Eigen::Index null_count(const VecX& eigenvalues) {
+  const double least = kRounding * eigenvalues[eigenvalues.size() - 1];
+  Eigen::Index count = 0;
+  while (count < eigenvalues.size() && !(eigenvalues[count] > least)) ++count;
+  return count;
+}
+
+/// Orthonormal directions, n x m: those in which leaving out any one cluster leaves data behind,
+/// and those that were given up.
+struct DirectionSplit {
+  MatX kept, lost;
+
+  /// In coordinates of `kept`: its columns `given_up` become lost ones, those of `rest` stay.
+  void give_up(const MatX& given_up, const MatX& rest) {
+    MatX all(kept.rows(), lost.cols() + given_up.cols());
+    all << lost, kept * given_up;
+    lost = std::move(all);
+    kept = kept * rest;
+  }
+};
+
+/// The estimate without each cluster less the estimate, to first order, in coordinates of the kept
+/// directions. Gives up those that a cluster decides alone.
+std::vector<VecX> leave_each_out(const std::vector<CostPart>& clusters, const CostPart& sum,
+                                 DirectionSplit& directions) {
+  std::vector<VecX> shifts;
+  for (std::size_t k = 0; k < clusters.size() && directions.kept.cols() > 0;) {
+    const MatX& basis = directions.kept;
+    const Eigen::SelfAdjointEigenSolver<MatX> eigen(basis.transpose() *
+                                                    (sum.hessian - clusters[k].hessian) * basis);
+    if (const Eigen::Index none = null_count(eigen.eigenvalues()); none > 0) {
+      directions.give_up(eigen.eigenvectors().leftCols(none),
+                         eigen.eigenvectors().rightCols(basis.cols() - none));
+      shifts.clear();
+      k = 0;
+      continue;
+    }
+    const VecX gradient = basis.transpose() * (sum.gradient - clusters[k].gradient);
+    shifts.push_back(
+        -(eigen.eigenvectors() *
+          (eigen.eigenvectors().transpose() * gradient).cwiseQuotient(eigen.eigenvalues())));
+    ++k;
+  }
+  return shifts;
 }
 
 }  // namespace
@@ -96,16 +134,20 @@ double student_quantile(double p, double degrees_of_freedom) {
   return z + (g1 + (g2 + (g3 + g4 / n) / n) / n) / n;
 }
 
+MatX pseudo_inverse(const MatX& matrix) {
+  const Eigen::SelfAdjointEigenSolver<MatX> eigen(matrix);
+  VecX inverse = eigen.eigenvalues().cwiseInverse();
+  inverse.head(null_count(eigen.eigenvalues())).setZero();
+  return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
 double cluster_dispersion(const std::vector<CostPart>& clusters) {
   const CostPart sum = sum_of(clusters);
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(sum.hessian);
-  const VecX& values = eigen.eigenvalues();
-  const double least = kRounding * values[values.size() - 1];
-  const VecX inverse = (values.array() > least).select(values.cwiseInverse(), 0);
-  const MatX pseudo =
-      eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+  const VecX values =
+      Eigen::SelfAdjointEigenSolver<MatX>(sum.hessian, Eigen::EigenvaluesOnly).eigenvalues();
+  const MatX pseudo = pseudo_inverse(sum.hessian);
   const VecX step = pseudo * sum.gradient;
-  double scatter = 0, freedom = double((values.array() > least).count());
+  double scatter = 0, freedom = double(values.size() - null_count(values));
   for (const CostPart& cluster : clusters) {
     const VecX gradient = cluster.gradient - cluster.hessian * step;
     scatter += gradient.dot(pseudo * gradient);
@@ -156,49 +198,36 @@ std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames
 
 ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
                                      const PriorTerm& prior) {
-  CostPart sum = sum_of(clusters);
+  CostPart sum = sum_of(clusters, 1);
   if (prior.gradient.size() > 0) {
     sum.gradient += prior.gradient;
     sum.hessian += prior.hessian;
   }
-  const VecX& gradient = sum.gradient;
-  const MatX& hessian = sum.hessian;
-  const Eigen::Index n = gradient.size();
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
+  const Eigen::Index n = sum.gradient.size();
+  const Eigen::SelfAdjointEigenSolver<MatX> eigen(sum.hessian);
   const VecX& values = eigen.eigenvalues();  // ascending
-  const double largest = values[n - 1];
   ClusterCovariance result;
   result.clusters = static_cast<int>(clusters.size());
-  result.condition = values[0] > 0 ? largest / values[0] : kInfinity;
-
-  // The weakest directions are given up one by one until the rest stands without any one cluster.
-  Eigen::Index lost = 0;
-  while (lost < n && !(values[lost] > kRounding * largest)) ++lost;
-  for (; lost < n; ++lost) {
-    const MatX basis = eigen.eigenvectors().rightCols(n - lost);
-    std::vector<VecX> shifts;
-    for (const CostPart& cluster : clusters) {
-      VecX shift = leave_one_out(basis.transpose() * (hessian - cluster.hessian) * basis,
-                                 basis.transpose() * (gradient - cluster.gradient));
-      if (shift.size() == 0) break;
-      shifts.push_back(std::move(shift));
-    }
-    if (shifts.size() < clusters.size()) continue;
-    VecX mean = VecX::Zero(n - lost);
-    for (const VecX& shift : shifts) mean += shift / double(shifts.size());
-    MatX spread = MatX::Zero(n - lost, n - lost);
-    for (const VecX& shift : shifts) spread += (shift - mean) * (shift - mean).transpose();
-    const auto count = double(clusters.size());
-    spread *= (count - 1) / count;
-    if (prior.gradient.size() > 0) {
-      const MatX inverse = (basis.transpose() * hessian * basis).inverse();
-      spread += inverse * (basis.transpose() * prior.gradient_covariance * basis) * inverse;
-    }
-    result.covariance = basis * spread * basis.transpose();
-    break;
+  result.condition = values[0] > 0 ? values[n - 1] / values[0] : kInfinity;
+  result.without_data = null_count(values);
+  DirectionSplit directions{eigen.eigenvectors().rightCols(n - result.without_data),
+                            eigen.eigenvectors().leftCols(result.without_data)};
+  const std::vector<VecX> shifts = leave_each_out(clusters, sum, directions);
+  result.undetermined = directions.lost;
+  result.covariance = MatX::Zero(n, n);
+  const MatX& basis = directions.kept;
+  if (basis.cols() == 0) return result;
+  VecX mean = VecX::Zero(basis.cols());
+  for (const VecX& shift : shifts) mean += shift / double(shifts.size());
+  MatX spread = MatX::Zero(basis.cols(), basis.cols());
+  for (const VecX& shift : shifts) spread += (shift - mean) * (shift - mean).transpose();
+  const auto count = double(clusters.size());
+  spread *= (count - 1) / count;
+  if (prior.gradient.size() > 0) {
+    const MatX inverse = (basis.transpose() * sum.hessian * basis).inverse();
+    spread += inverse * (basis.transpose() * prior.gradient_covariance * basis) * inverse;
   }
-  if (lost == n) result.covariance = MatX::Zero(n, n);
-  result.undetermined = eigen.eigenvectors().leftCols(lost);
+  result.covariance = basis * spread * basis.transpose();
   return result;
 }
 
@@ -303,8 +332,9 @@ class UncertaintyOfEstimate {
     const VecX left = step_left(indices, found.undetermined);
     found.covariance += across.covariance + left * left.transpose();
     found.clusters = std::min(found.clusters, across.clusters);
-    if (across.undetermined.cols() > found.undetermined.cols())
-      found.undetermined = across.undetermined;
+    MatX both(found.undetermined.rows(), found.undetermined.cols() + across.undetermined.cols());
+    both << found.undetermined, across.undetermined;
+    found.undetermined = std::move(both);
     return found;
   }
 
@@ -317,7 +347,7 @@ class UncertaintyOfEstimate {
     }
     const MatX lost = undetermined * undetermined.transpose();
     const MatX kept = MatX::Identity(lost.rows(), lost.cols()) - lost;
-    // The undetermined directions are eigenvectors: with a stiffness of their own they stay apart.
+    // With a stiffness of their own the undetermined directions stay apart.
     const MatX regular = kept * sum.hessian * kept + sum.hessian.diagonal().maxCoeff() * lost;
     return -(regular.ldlt().solve(kept * sum.gradient));
   }

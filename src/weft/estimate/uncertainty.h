@@ -23,9 +23,11 @@ namespace weft {
 /// Intervals take Student's t with K - 1 degrees of freedom.
 struct ClusterCovariance {
   MatX covariance;  ///< n x n; of the determined subspace
-  /// Columns: orthonormal directions that no cluster, or a single one, determines; n x m.
+  /// Columns: orthonormal directions that no cluster, or a single one, determines; n x m. Those
+  /// that none does come first.
   MatX undetermined;
-  double condition = 0;  ///< of H; infinity where singular
+  Eigen::Index without_data = 0;  ///< how many of these no cluster determines
+  double condition = 0;           ///< of H; infinity where singular
   int clusters = 0;
 };
 /// What is known besides the clusters and never left out: gradient and matrix add to theirs, and
@@ -39,9 +41,14 @@ std::vector<CostPart> of_parameters(const std::vector<Eigen::Index>& indices,
                                     const std::vector<CostPart>& parts);
 PriorTerm of_parameters(const std::vector<Eigen::Index>& indices, const PriorTerm& prior);
 
-/// Throws Error for fewer than two parts or sizes that differ.
+/// With a single cluster all it determines is undetermined. Throws Error for none, or sizes that
+/// differ.
 ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
                                      const PriorTerm& prior = {});
+
+/// Of a symmetric positive semidefinite matrix: its inverse in the directions that are not zero to
+/// rounding, and zero in the others.
+MatX pseudo_inverse(const MatX& matrix);
 
 /// How much more (or less) the gradient scatters than a cost of squares with independent residuals
 /// of variance 1/2 would have it: phi in cov(g_k) = phi H_k, so that phi H^-1 is the covariance of
@@ -52,7 +59,7 @@ ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
 /// with g_k taken at the stationary point of the linearization and m the rank of H; unbiased where
 /// cov(g_k) = phi H_k holds. One number from all clusters and parameters, it is far steadier than
 /// the matrix of cluster_covariance(), whose inverse is of no use with few clusters. Infinity where
-/// one cluster decides alone. Throws Error as cluster_covariance() does.
+/// one cluster decides alone. Throws Error for fewer than two clusters, or sizes that differ.
 double cluster_dispersion(const std::vector<CostPart>& clusters);
 
 /// The sum of it over blocks of frames and over patches of the picture: what estimate_uncertainty()

@@ -419,12 +419,24 @@ std::vector<ParameterPrior> read_priors(const std::filesystem::path& path) {
   return from_table(TomlTable::parse_file(path)).priors;
 }
 
+namespace {
+
+enum class FileKind { arcsim, kes, weft };
+FileKind kind_of_file(const std::filesystem::path& path) {
+  if (path.extension() == ".json") return FileKind::arcsim;
+  const TomlTable file = TomlTable::parse_file(path);
+  return file.has("format") && file.string("format") == "weft-kes" ? FileKind::kes : FileKind::weft;
+}
+
+}  // namespace
+
 std::vector<ParameterPrior> find_priors(const std::string& name_or_path) {
   for (const Fabric& preset : fabric_presets())
     if (preset.name == name_or_path || preset.name == name_or_path + "-waving") return {};
   for (const Fabric& preset : orthotropic_presets())
     if (preset.name == name_or_path) return {};
-  return read_priors(name_or_path);
+  const bool own = kind_of_file(name_or_path) == FileKind::weft;
+  return own ? read_priors(name_or_path) : std::vector<ParameterPrior>();
 }
 
 ScaledPrior scaled_prior(const ParameterInfo& info, const ParameterPrior& prior) {
@@ -454,10 +466,14 @@ Fabric find_fabric(const std::string& name_or_path) {
   std::error_code ignored;
   if (std::filesystem::is_regular_file(name_or_path, ignored)) {
     const std::filesystem::path path = name_or_path;
-    if (path.extension() == ".json") return read_arcsim_material(path);
-    const TomlTable file = TomlTable::parse_file(path);
-    const bool is_kes = file.has("format") && file.string("format") == "weft-kes";
-    return is_kes ? read_kes_fabric(path) : read_fabric(path);
+    switch (kind_of_file(path)) {
+      case FileKind::arcsim:
+        return read_arcsim_material(path);
+      case FileKind::kes:
+        return read_kes_fabric(path);
+      case FileKind::weft:
+        return read_fabric(path);
+    }
   }
   throw Error(fmt::format("fabric \"{}\" is neither a file nor a preset; presets: {}", name_or_path,
                           preset_names()));

@@ -489,13 +489,15 @@ std::string match_section(const Report& report, const std::vector<CapturePicture
 std::string condition_text(const ReportCertainty& certainty) {
   return fmt::format(
       "<p class=\"minor\" id=\"condition\">Condition number of the problem: {}{}. Intervals of "
-      "{:.0f} % from leaving out blocks of {} frames and parts of the picture in turn, at least {} "
-      "of each.</p>\n",
+      "{:.0f} % from leaving out {} in turn ({}{}).</p>\n",
       format_value(certainty.condition, 2),
       certainty.condition > largest_condition
           ? " (above 10¹²: some combination of parameters is not determined)"
           : "",
-      100 * certainty.confidence, certainty.frames_per_cluster, certainty.clusters);
+      100 * certainty.confidence, certainty.left_out, certainty.clusters,
+      certainty.frames_per_cluster > 1
+          ? fmt::format(" or more, {} frames a block", certainty.frames_per_cluster)
+          : "");
 }
 
 std::string sure_section(const Report& report, const MechanicalReport& mechanical,

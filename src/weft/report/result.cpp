@@ -108,6 +108,7 @@ Json json_of(const std::optional<ReportCertainty>& certainty) {
   put(object, "noise", certainty->noise);
   put(object, "dispersion", certainty->dispersion);
   object["frames_per_cluster"] = certainty->frames_per_cluster;
+  object["left_out"] = certainty->left_out;
   object["parameters"] = certainty->parameters;
   put(object, "correlation", row_major(certainty->correlation));
   put(object, "covariance", row_major(certainty->covariance));
@@ -404,6 +405,7 @@ ReportCertainty certainty_from(const Reader& in) {
   in.get("noise", certainty.noise);
   in.get("dispersion", certainty.dispersion);
   in.get("frames_per_cluster", certainty.frames_per_cluster);
+  if (in.has("left_out")) in.get("left_out", certainty.left_out);
   in.get("parameters", certainty.parameters);
   const std::size_t n = certainty.parameters.size();
   in.get("correlation", certainty.correlation, n, n);
