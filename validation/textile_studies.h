@@ -33,6 +33,8 @@ void study_bias_extension(const StudyFolders& folders);
 void study_knits(const StudyFolders& folders);
 /// Drape of five fabrics: half of the samples from the other half.
 void study_cusick(const StudyFolders& folders);
+/// Strips of the measured tables of Wang et al. 2011: the model against the tables alone.
+void study_wang2011(const StudyFolders& folders);
 /// Strip and cantilever against closed forms, for every elastic model, by mesh.
 void study_closed_forms(const StudyFolders& folders);
 

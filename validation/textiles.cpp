@@ -67,6 +67,7 @@ const std::vector<std::pair<std::string, std::function<void(const StudyFolders&)
       {"bias_extension", study_bias_extension},
       {"knits", study_knits},
       {"cusick", study_cusick},
+      {"wang2011", study_wang2011},
       {"closed_forms", study_closed_forms}};
   return all;
 }

@@ -19,22 +19,31 @@ struct ElasticCase {
 };
 
 /// All with a membrane of `membrane` N/m along both threads and, but for springs, the flexural
-/// rigidity `bend`.
+/// rigidity `bend`. Springs are the last.
 inline std::vector<ElasticCase> elastic_cases(double membrane, double bend) {
   const auto engineering = [membrane](double s) { return membrane * (s - 1); };
   const auto green = [membrane](double s) { return s * membrane * 0.5 * (s * s - 1); };
   std::vector<ElasticCase> cases;
   for (const char* model :
-       {"stvk", "soft-constraints", "stvk-diagonal", "piecewise-linear", "springs"}) {
+       {"baraff-witkin", "baraff-witkin-diagonals", "baraff-witkin-hinges", "stvk",
+        "soft-constraints", "stvk-diagonal", "piecewise-linear", "springs"}) {
     Fabric fabric = Fabric::with_defaults("case", model);
     const std::string name = model;
-    const bool on_elongation = name == "soft-constraints" || name == "springs";
+    const bool in_motion = name.starts_with("baraff-witkin");
+    const bool on_elongation = in_motion || name == "soft-constraints" || name == "springs";
     if (name == "stvk") {
       for (const char* p : {"membrane_uu", "membrane_vv"}) fabric.set(p, membrane);
       fabric.set("membrane_uv", 1e-4);
       for (const char* p : {"bend_uu", "bend_vv"}) fabric.set(p, bend);
       fabric.set("bend_uv", 1e-12);
       fabric.set("bend_twist", 0.5 * bend);
+    } else if (in_motion) {
+      fabric.set("stretch_stiffness", membrane);
+      fabric.set("shear_stiffness", 0.2 * membrane);
+      fabric.set("bend_stiffness", bend);
+      // Taut diagonals couple weft and warp: next to none, below their range.
+      if (name != "baraff-witkin")
+        fabric.values[fabric.value_index("diagonal_stiffness")] = 1e-5 * membrane;
     } else if (name == "piecewise-linear") {
       for (const char* row : {"rest", "weft", "deg22", "deg45", "deg67", "warp"}) {
         for (const char* p : {"_uu", "_vv"}) fabric.set(row + std::string(p), membrane);
@@ -57,7 +66,9 @@ inline std::vector<ElasticCase> elastic_cases(double membrane, double bend) {
 }
 
 /// Force per width of a strip of 0.1 x 0.02 m between two clips, N/m; NaN without equilibrium.
-inline double strip_on_mesh(const Fabric& fabric, double stretch, int cells) {
+/// `grain_angle` (rad): of the weft, from the pull.
+inline double strip_on_mesh(const Fabric& fabric, double stretch, int cells,
+                            double grain_angle = 0) {
   const double length = 0.1, width = 0.02, h = length / cells;
   const TriangleMesh mesh = make_swatch(grid_lines(length + 2 * h, {h, length + h}, h),
                                         grid_lines(width, {}, h), GridPattern::uniform);
@@ -69,7 +80,7 @@ inline double strip_on_mesh(const Fabric& fabric, double stretch, int cells) {
     clip.position = Vec3(centre.x(), centre.y(), 0);
   }
   clips[1].position.x() += (stretch - 1) * length;
-  const auto model = make_elastic_model(mesh, fabric);
+  const auto model = make_elastic_model(mesh, fabric, grain_angle);
   const HeavyCloth cloth(*model, 0.1, Vec3::Zero());
   const ClipEquilibrium found = solve_clips(cloth, clips, blend_of_clips(mesh.material, clips));
   return found.converged ? found.forces(0, 1) / width : std::nan("");
