@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "dynamics/elastica.h"
 #include "dynamics/scenes.h"
@@ -50,30 +52,35 @@ TEST(SolveStatic, HangingStripStretchesByItsOwnWeight) {
 struct CantileverCase {
   int cells;
   GridPattern pattern;
+  const char* model = "baraff-witkin";
 };
 
 class HeavyCantilever : public testing::TestWithParam<CantileverCase> {};
 
 TEST_P(HeavyCantilever, FollowsTheElastica) {
-  const auto [cells, pattern] = GetParam();
+  const auto [cells, pattern, model] = GetParam();
   for (const double load : {0.5, 2.0, 5.0, 20.0, 50.0}) {
-    const Cantilever cantilever(cells, pattern, load);
+    const Cantilever cantilever(cells, pattern, load, model);
     const double expected = cantilever.free_length * elastica_tip_deflection(load);
     EXPECT_NEAR(cantilever.deflection(), expected, 0.01 * expected) << "load " << load;
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Meshes, HeavyCantilever,
-                         testing::Values(CantileverCase{10, GridPattern::alternating},
-                                         CantileverCase{16, GridPattern::alternating},
-                                         CantileverCase{24, GridPattern::alternating},
-                                         CantileverCase{10, GridPattern::uniform},
-                                         CantileverCase{16, GridPattern::uniform},
-                                         CantileverCase{24, GridPattern::uniform}),
+std::vector<CantileverCase> cantilever_cases() {
+  std::vector<CantileverCase> cases;
+  for (const char* model : {"baraff-witkin", "baraff-witkin-diagonals", "baraff-witkin-hinges"})
+    for (const GridPattern pattern : {GridPattern::alternating, GridPattern::uniform})
+      for (const int cells : {10, 16, 24}) cases.push_back({cells, pattern, model});
+  return cases;
+}
+
+INSTANTIATE_TEST_SUITE_P(Meshes, HeavyCantilever, testing::ValuesIn(cantilever_cases()),
                          [](const auto& info) {
-                           return std::string(info.param.pattern == GridPattern::uniform
-                                                  ? "Uniform"
-                                                  : "Alternating") +
+                           std::string name = info.param.model;
+                           std::erase(name, '-');
+                           return name +
+                                  (info.param.pattern == GridPattern::uniform ? "Uniform"
+                                                                              : "Alternating") +
                                   std::to_string(info.param.cells);
                          });
 

@@ -117,8 +117,9 @@ struct Cantilever {
   std::vector<PointFixture> fixtures;
   Fabric fabric;
 
-  /// load = rho g L^3 / B.
-  Cantilever(int cells, GridPattern pattern, double load) {
+  /// load = rho g L^3 / B. `model`: one of motion (fabric.h).
+  Cantilever(int cells, GridPattern pattern, double load,
+             const std::string& model = "baraff-witkin") {
     const double cell = free_length / (cells + 0.5);
     columns = cells + 2;
     rows = std::max(3, static_cast<int>(std::lround(width / cell)) + 1);
@@ -129,7 +130,11 @@ struct Cantilever {
       fixtures.push_back(hold(row * columns + 1, start));
     }
     const double bend = areal_density * kGravity * std::pow(free_length, 3) / load;
-    fabric = make_fabric({.stretch = 2000, .shear = 2000, .bend = bend});
+    const FabricValues values{.stretch = 2000, .shear = 2000, .bend = bend};
+    fabric = Fabric::with_defaults("test", model);
+    fabric.values.setZero();
+    fabric.values.head(9) = make_fabric(values).values;
+    if (model != "baraff-witkin") fabric.set("diagonal_stiffness", 2000);
   }
 
   /// Mean of the free edge, m downwards; NaN without an equilibrium.
