@@ -229,6 +229,10 @@ void other_models(const Arguments& arguments, const std::string& name) {
   }
 }
 
+constexpr const char* kUsage =
+    "usage: weft_validate_mechanical DATA [truth] [refinement] [fit] [strips] "
+    "[models] [--cells N] [--pattern NAME] [--fabric NAME] [--starts N]";
+
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
   for (int i = 1; i < argc; ++i) {
@@ -244,12 +248,10 @@ Arguments parse(int argc, char** argv) {
     else if (arguments.data.empty())
       arguments.data = word;
     else
-      arguments.parts.push_back(word);
+      arguments.parts.push_back(
+          part(word, {"truth", "refinement", "fit", "strips", "models"}, kUsage));
   }
-  if (arguments.data.empty())
-    throw Error(
-        "usage: weft_validate_mechanical DATA [truth] [refinement] [fit] [strips] "
-        "[models] [--cells N] [--pattern NAME] [--fabric NAME] [--starts N]");
+  if (arguments.data.empty()) throw Error(kUsage);
   if (arguments.parts.empty()) arguments.parts = {"truth", "refinement", "fit", "strips", "models"};
   return arguments;
 }

@@ -346,6 +346,13 @@ RigNoise parse_noise(const std::string& text) {
   return {.points = n[0], .clips = n[1], .forces = n[2], .cord_friction = n[3]};
 }
 
+constexpr const char* kUsage =
+    "usage: weft_validate_rig OUT [recovery] [orders] [table] [bound] [--fabric NAME] "
+    "[--model NAME] "
+    "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
+    "[--skip ROW] [--only ROW] [--no-mesh-error] "
+    "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none]";
+
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
   for (int i = 1; i < argc; ++i) {
@@ -382,15 +389,9 @@ Arguments parse(int argc, char** argv) {
     else if (arguments.out.empty())
       arguments.out = word;
     else
-      arguments.parts.push_back(word);
+      arguments.parts.push_back(part(word, {"recovery", "orders", "table", "bound"}, kUsage));
   }
-  if (arguments.out.empty())
-    throw Error(
-        "usage: weft_validate_rig OUT [recovery] [orders] [table] [bound] [--fabric NAME] "
-        "[--model NAME] "
-        "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
-        "[--skip ROW] [--only ROW] [--no-mesh-error] "
-        "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none]");
+  if (arguments.out.empty()) throw Error(kUsage);
   if (arguments.parts.empty()) arguments.parts = {"recovery", "orders", "table"};
   return arguments;
 }

@@ -1,15 +1,14 @@
 /// Fits from scanned shapes, against what made them.
 ///
 ///     weft_validate_scan [table1] [noise] [descriptors] [mechanical] [captures] [--data FOLDER]
-///     [--cells N]
-///     [--pattern P] [--fine N] [--fine-pattern P] [--force-noise N] [--surface S] [--twist]
-///     [--threads MODEL] [--out FOLDER]
+///     [--cells N] [--pattern P] [--fine N] [--fine-pattern P] [--force-noise N] [--surface S]
+///     [--twist] [--thread-model NAME] [--out FOLDER] ... (kUsage)
 ///
 /// table1: targets of the paper's section 4.2 on the mesh of the fit (Larionov et al. 2022, Table
 /// 1). noise: the same from a finer mesh with noise. mechanical, captures: targets that other
 /// programs made, in FOLDER/mechanical and FOLDER/captures; of the latter the surface as "shown",
 /// or the "lattice" of its control points; --twist: with twist_stiffness as an unknown of its own;
-/// --threads: baraff-witkin-diagonals or baraff-witkin-hinges.
+/// --thread-model: baraff-witkin-diagonals or baraff-witkin-hinges.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -143,6 +142,13 @@ void table1(const Arguments& arguments, bool noisy) {
   compare_unseen(fit.fabric, truth, square(arguments.cells, arguments.pattern));
 }
 
+constexpr const char* kUsage =
+    "usage: weft_validate_scan [table1] [noise] [descriptors] [mechanical] [captures]\n"
+    "  [--data FOLDER] [--fabric NAME] [--cells N] [--fine N] [--pattern uniform|alternating]\n"
+    "  [--fine-pattern uniform|alternating] [--force-noise N] [--descriptor NAME]\n"
+    "  [--solver static|xpbd] [--balance noise|residual] [--schedule together|alternating]\n"
+    "  [--starts N] [--surface shown|lattice] [--thread-model NAME] [--twist] [--out FOLDER]";
+
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
   for (int i = 1; i < argc; ++i) {
@@ -173,14 +179,15 @@ Arguments parse(int argc, char** argv) {
       arguments.fit.random_starts = validation::number<int>(word, argv[++i], 0);
     else if (word == "--surface" && i + 1 < argc)
       arguments.surface = validation::surface_from_name(argv[++i]);
-    else if (word == "--threads" && i + 1 < argc)
-      arguments.threads = argv[++i];
+    else if (word == "--thread-model" && i + 1 < argc)
+      arguments.thread_model = argv[++i];
     else if (word == "--twist")
       arguments.search_twist = true;
     else if (word == "--descriptor" && i + 1 < argc)
       arguments.descriptor = descriptor_from_name(argv[++i]);
     else
-      arguments.parts.push_back(word);
+      arguments.parts.push_back(validation::part(
+          word, {"table1", "noise", "descriptors", "mechanical", "captures"}, kUsage));
   }
   if (arguments.parts.empty()) arguments.parts = {"table1", "noise"};
   return arguments;

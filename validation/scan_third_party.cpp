@@ -228,7 +228,8 @@ void capture_scans(const Arguments& arguments) {
     fmt::print("\n{}: {} targets on {} cells\n", name, trials.size(), arguments.cells);
     if (capture.hem_width == 0)  // a sheet has none
       fit_rest(arguments, trials, source, start, default_scan_parameters(source));
-    const Fabric threads = with_diagonals(constants, arguments.threads, arguments.search_twist);
+    const Fabric threads =
+        with_diagonals(constants, arguments.thread_model, arguments.search_twist);
     if (!arguments.make_solver()->takes(threads.model)) continue;
     Fabric off = threads;
     off.name = "start";

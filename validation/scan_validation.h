@@ -24,7 +24,7 @@ struct Arguments {
   std::filesystem::path data;
   std::vector<std::string> fabrics;  ///< empty: all
   bool search_twist = false;         ///< twist_stiffness of the part "captures", beside bend's
-  std::string threads = "baraff-witkin-diagonals";  ///< its model of threads
+  std::string thread_model = "baraff-witkin-diagonals";
   ScanFitOptions fit;
   std::string solver = "static";
   /// Of the fits whose intervals are shown.
