@@ -3,53 +3,30 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <limits>
 #include <map>
 #include <numbers>
 #include <set>
 
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
+#include "weft/capture/standard_test.h"
 #include "weft/capture/table_file.h"
-#include "weft/mesh/grid_lines.h"
 #include "weft/mesh/mesh_io.h"
 
 namespace weft {
 namespace {
 
-constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
-constexpr Range kGrainAngle{-360, 360};  // degrees
-constexpr Range kClipNoise{0, most_clip_noise};
 constexpr double kOnSwatch = 1e-6;    // m
 constexpr double kSamePoint = 1e-9;   // m
 constexpr double kUnitLength = 1e-3;  // of a quaternion
-/// Clips further apart than this many times their distance on the undeformed swatch are a mistake,
-/// of the unit as a rule.
-constexpr double kMaxClipStretch = 3;
-/// Of a clip in the short form, which states none: its depth does not matter, the cloth in it is
-/// rigid and has no weight.
-constexpr double kNominalClipDepth = 5e-3;  // m
 
 const std::vector<std::string> kTests{"strip", "bias-extension", "cantilever"};
-constexpr Range kClampAngle{-80, 80};      // degrees
-constexpr Eigen::Index kLeastProfile = 8;  // points
 
 TomlTable parse_capture(const std::filesystem::path& folder) {
   if (!std::filesystem::is_directory(folder)) {
     throw error_at({folder, 0, {}}, "not a folder; a capture is a folder with a capture.toml");
   }
   return TomlTable::parse_file(folder / "capture.toml");
-}
-
-/// Factor from a unit to SI.
-double unit_factor(const TomlTable& table, std::string_view key,
-                   const std::vector<std::pair<std::string, double>>& units) {
-  std::vector<std::string> names;
-  for (const auto& [name, factor] : units) names.push_back(name);
-  const std::string found = table.optional_choice(key, names).value_or(names.front());
-  for (const auto& [name, factor] : units)
-    if (name == found) return factor;
-  return 1;
 }
 
 bool overlap(const MaterialRectangle& a, const MaterialRectangle& b) {
@@ -88,19 +65,9 @@ Profile read_profile(const std::filesystem::path& path) {
   return profile;
 }
 
-/// The same across the strip: two points at each arc length.
 MeasuredGeometry profile_geometry(const MechanicalCapture& capture) {
   const Profile profile = read_profile(capture.geometry->points);
-  const Eigen::Index n = profile.arc.size();
-  std::vector<double> u, v{0, capture.height};
-  for (const double arc : profile.arc) u.push_back(kNominalClipDepth + arc);
-  MeasuredGeometry geometry;
-  geometry.mesh = make_swatch(u, v);
-  Points x(3, 2 * n);
-  for (Eigen::Index i = 0; i < 2 * n; ++i)
-    x.col(i) = Vec3(profile.at(0, i % n), v[static_cast<std::size_t>(i / n)], profile.at(1, i % n));
-  geometry.frames.push_back(x);
-  return geometry;
+  return cantilever_geometry(capture, profile.arc, profile.at);
 }
 
 class MechanicalReader {
@@ -143,7 +110,7 @@ class MechanicalReader {
     capture_.width = swatch.number("width", kSwatchSide);
     capture_.height = swatch.number("height", kSwatchSide);
     capture_.areal_density = swatch.number("areal_density", kArealDensity);
-    read_grain_angle(swatch, 0);
+    capture_.grain_angle = read_grain_angle(swatch, 0);
     swatch.finish();
     if (const auto world = file_.optional_table("world")) {
       if (world->has("gravity")) {
@@ -169,10 +136,11 @@ class MechanicalReader {
     }
   }
 
-  void read_grain_angle(const TomlTable& table, double otherwise) {
+  /// rad; `otherwise` in degrees.
+  static double read_grain_angle(const TomlTable& table, double otherwise) {
     const double degrees =
         table.optional_number("grain_angle_deg", kGrainAngle).value_or(otherwise);
-    capture_.grain_angle = degrees * std::numbers::pi / 180;
+    return degrees * std::numbers::pi / 180;
   }
 
   void read_fixture(const TomlTable& table) {
@@ -280,42 +248,24 @@ class MechanicalReader {
     }
     const TomlTable specimen = file_.table("specimen");
     const double free_length = specimen.number("free_length", kSwatchSide);
-    capture_.height = specimen.number("width", kSwatchSide);
-    capture_.width = free_length + 2 * kNominalClipDepth;
-    capture_.areal_density = specimen.number("areal_density", kArealDensity);
-    read_grain_angle(specimen, test == "bias-extension" ? 45 : 0);
-    specimen.finish();
-    capture_.gravity = Vec3::Zero();
-
+    const Specimen size = read_specimen(specimen, free_length, test == "bias-extension" ? 45 : 0);
     const TomlTable curve = file_.table("curve");
     const TableFile& file = table_file(curve, "file");
     const VecX displacement =
-        curve_column(curve, "displacement", file) *
-        unit_factor(curve, "displacement_unit", {{"m", 1}, {"mm", 1e-3}, {"cm", 1e-2}});
+        curve_column(curve, "displacement", file) * length_factor(curve, "displacement_unit");
     const VecX force = curve_column(curve, "force", file) *
                        unit_factor(curve, "force_unit",
                                    {{"N", 1}, {"mN", 1e-3}, {"cN", 1e-2}, {"gf", 9.80665e-3}});
     curve.finish();
     if (displacement.size() == 0) throw error_at({file.path(), 0, {}}, "no rows below the header");
-    capture_.frame_count = static_cast<int>(displacement.size());
-    add_jaw("fixed jaw", {{0, 0}, {kNominalClipDepth, capture_.height}},
-            VecX::Zero(displacement.size()));
-    add_jaw("moving jaw",
-            {{capture_.width - kNominalClipDepth, 0}, {capture_.width, capture_.height}},
-            displacement);
-    Points& forces = capture_.fixtures.back().forces;
-    forces = Points::Constant(3, force.size(), kNotMeasured);
-    forces.row(0) = force.transpose();
+    take(strip_capture(size, displacement, force));
     sources_.assign(2, {curve.where("displacement"), curve.where("displacement")});
   }
 
   /// A strip in a clip, with the profile of its line as the measured shape.
   void read_cantilever() {
     const TomlTable specimen = file_.table("specimen");
-    capture_.height = specimen.number("width", kSwatchSide);
-    capture_.areal_density = specimen.number("areal_density", kArealDensity);
-    read_grain_angle(specimen, 0);
-    specimen.finish();
+    Specimen size = read_specimen(specimen, 0, 0);
     const TomlTable table = file_.table("profile");
     const TableFile& file = table_file(table, "file");
     for (const char* column : {"x", "y"})
@@ -325,20 +275,29 @@ class MechanicalReader {
     const double degrees = table.optional_number("clamp_angle_deg", kClampAngle).value_or(0);
     table.finish();
     const Profile profile = read_profile(file.path());
-    capture_.width = kNominalClipDepth + profile.arc[profile.arc.size() - 1];
-    capture_.frame_count = 1;
-    MechanicalFixture fixture;
-    fixture.name = "clamp";
-    Clip clip;
-    clip.region = {{0, 0}, {kNominalClipDepth, capture_.height}};
-    clip.rotation = Eigen::AngleAxisd(degrees * std::numbers::pi / 180, Vec3::UnitY());
-    clip.position = Vec3(profile.at(0, 0), 0.5 * capture_.height, profile.at(1, 0)) -
-                    clip.rotation * Vec3(0.5 * kNominalClipDepth, 0, 0);
-    fixture.frames.push_back(clip);
-    fixture.forces.resize(3, 0);
-    capture_.fixtures.push_back(std::move(fixture));
+    size.free_length = profile.arc[profile.arc.size() - 1];
+    take(cantilever_capture(size, degrees * std::numbers::pi / 180, profile.at.col(0)));
     sources_.assign(1, {table.where("file"), table.where("file")});
     capture_.geometry = GeometryFiles{file.path(), file.path()};
+  }
+
+  /// `grain_angle`: degrees, where the table states none.
+  static Specimen read_specimen(const TomlTable& table, double free_length, double grain_angle) {
+    Specimen specimen{free_length};
+    specimen.width = table.number("width", kSwatchSide);
+    specimen.areal_density = table.number("areal_density", kArealDensity);
+    specimen.grain_angle = read_grain_angle(table, grain_angle);
+    table.finish();
+    return specimen;
+  }
+
+  /// Specimen and clips of `test`; what the head says stays.
+  void take(MechanicalCapture test) {
+    test.folder = capture_.folder;
+    test.name = capture_.name;
+    test.description = capture_.description;
+    test.clip_noise = capture_.clip_noise;
+    capture_ = std::move(test);
   }
 
   static VecX curve_column(const TomlTable& curve, std::string_view key, const TableFile& file) {
@@ -348,19 +307,6 @@ class MechanicalReader {
                      fmt::format("{} has no column \"{}\"", file.path().filename().string(), name));
     }
     return file.numbers(name);
-  }
-
-  void add_jaw(const std::string& name, const MaterialRectangle& region, const VecX& shift) {
-    MechanicalFixture fixture;
-    fixture.name = name;
-    for (const double x : shift) {
-      Clip clip;
-      clip.region = region;
-      clip.position = Vec3(region.center().x() + x, region.center().y(), 0);
-      fixture.frames.push_back(clip);
-    }
-    fixture.forces.resize(3, 0);
-    capture_.fixtures.push_back(std::move(fixture));
   }
 
   // Of all clips together.
