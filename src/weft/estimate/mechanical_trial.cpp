@@ -321,11 +321,9 @@ double largest_measured_force(const MechanicalCapture& capture) {
 
 }  // namespace
 
-namespace {
-
-std::shared_ptr<const MechanicalTrial> prepare(const MechanicalCapture& capture,
-                                               std::optional<MeasuredGeometry> geometry,
-                                               const MechanicalOptions& options) {
+std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
+                                                          std::optional<MeasuredGeometry> geometry,
+                                                          const MechanicalOptions& options) {
   if (options.cells < 2 || options.cells > kMostCells)
     throw Error(fmt::format("cells is {}, must be in [2, {}]", options.cells, kMostCells));
   auto trial = std::make_shared<MechanicalTrial>();
@@ -350,19 +348,17 @@ std::shared_ptr<const MechanicalTrial> prepare(const MechanicalCapture& capture,
   return trial;
 }
 
-}  // namespace
-
 std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
                                                           const MechanicalOptions& options) {
   std::optional<MeasuredGeometry> geometry;
   if (capture.geometry) geometry = read_geometry(capture);
-  return prepare(capture, std::move(geometry), options);
+  return prepare_mechanical(capture, std::move(geometry), options);
 }
 
 std::shared_ptr<const MechanicalTrial> refined(const MechanicalTrial& trial) {
   MechanicalOptions options = trial.options;
   options.cells *= 2;
-  return prepare(trial.capture, trial.geometry, options);
+  return prepare_mechanical(trial.capture, trial.geometry, options);
 }
 
 std::vector<std::shared_ptr<const MechanicalTrial>> on_half_the_cells(
@@ -371,7 +367,7 @@ std::vector<std::shared_ptr<const MechanicalTrial>> on_half_the_cells(
     MechanicalOptions options = trial->options;
     options.cells /= 2;
     if (options.cells < kFewestCells) return {};
-    trial = prepare(trial->capture, trial->geometry, options);
+    trial = prepare_mechanical(trial->capture, trial->geometry, options);
   }
   return trials;
 }

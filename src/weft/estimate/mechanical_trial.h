@@ -47,6 +47,10 @@ struct MechanicalTrial {
 /// the clips do not fit on the mesh.
 std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
                                                           const MechanicalOptions& options = {});
+/// With `geometry` as the measured shape, or none, whatever files the capture names.
+std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
+                                                          std::optional<MeasuredGeometry> geometry,
+                                                          const MechanicalOptions& options = {});
 /// The same on cells of half the width. Throws Error where these would be more than may be.
 std::shared_ptr<const MechanicalTrial> refined(const MechanicalTrial& trial);
 /// The same on half as many cells along a side, for a search that is far from its end; none where
