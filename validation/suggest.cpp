@@ -131,10 +131,10 @@ int run(int argc, char** argv) {
   Fabric fabric = Fabric::with_defaults("known");
   fabric.set("stretch_stiffness", 200);
   fabric.set("bend_stiffness", 5e-5);
-  const std::vector<CandidateExperiment> candidates{
-      {"hanging still", 0.85, Axis::across, 0, 1, kFrames},
-      {"small and slow", 0.85, Axis::across, 0.015, 1, kFrames},
-      {"wide and fast", 0.85, Axis::across, 0.06, 2.5, kFrames}};
+  const std::vector<Candidate> candidates{
+      CandidateExperiment{"hanging still", 0.85, Axis::across, 0, 1, kFrames},
+      CandidateExperiment{"small and slow", 0.85, Axis::across, 0.015, 1, kFrames},
+      CandidateExperiment{"wide and fast", 0.85, Axis::across, 0.06, 2.5, kFrames}};
   SuggestOptions options;
   options.trial = trial_options();
   options.targets = kTargets;
@@ -150,12 +150,12 @@ int run(int argc, char** argv) {
              "rms error");
   for (std::size_t k = 0; k < ranked.size(); ++k) {
     const Suggestion& s = ranked[k];
-    const Made made = maker.make(s.experiment, repeats);
+    const Made made = maker.make(std::get<CandidateExperiment>(s.experiment), repeats);
     found.push_back(made.half_width / kWidest);
-    fmt::print("{:>4}  {:<16} {:>10.2f} % {:>10.2f} % {:>14.4f} %\n", k + 1, s.experiment.name,
+    fmt::print("{:>4}  {:<16} {:>10.2f} % {:>10.2f} % {:>14.4f} %\n", k + 1, name_of(s.experiment),
                100 * s.remaining, 100 * found.back(), 100 * made.error / kWidest);
-    chart.bars.push_back({s.experiment.name + ", expected", 100 * s.remaining, "", false});
-    chart.bars.push_back({s.experiment.name + ", found", 100 * found.back(), "", true});
+    chart.bars.push_back({name_of(s.experiment) + ", expected", 100 * s.remaining, "", false});
+    chart.bars.push_back({name_of(s.experiment) + ", found", 100 * found.back(), "", true});
   }
   write_plot(out / "suggest.svg", chart);
   const bool right = std::ranges::min_element(found) == found.begin();

@@ -7,12 +7,14 @@
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/text_file.h"
+#include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/fabric/prior.h"
 #include "weft/report/plot.h"
@@ -25,12 +27,14 @@ struct Arguments {
   std::string known;
   std::string like;
   std::string candidates;
+  std::string video_option;  ///< one that makes candidates; empty: none was given
   std::vector<std::string> parameters;
   std::vector<std::string> axes{"across"};
   CandidateFamily family;
   double areal_density = LayoutOptions().areal_density;
   double noise = 0;
   int grid = 25;
+  int cells = MechanicalOptions().cells;
   int threads = 0;
   bool json = false;
   std::string out;
@@ -43,6 +47,23 @@ struct Known {
   double noise = 0;  ///< of a sample of several frames as SuggestOptions::noise; 0: not known
   int frames_per_sample = SuggestOptions().frames_per_sample;
 };
+
+/// Of a fit to cloth at rest: its intervals, each by itself.
+MatX information_of_intervals(const Report& report, const Fabric& fabric) {
+  constexpr double kConfidence = 0.9;  // of the intervals of result.json
+  MatX information = MatX::Zero(fabric.values.size(), fabric.values.size());
+  for (const ReportParameter& p : report.parameters) {
+    if (!p.free || !p.determined || !p.interval_lower || !p.interval_upper) continue;
+    const int i = fabric.value_index(p.name);
+    const ParameterInfo info = fabric.info(i);
+    const double half =
+        0.5 * (to_scaled(info, *p.interval_upper) - to_scaled(info, *p.interval_lower));
+    if (!(half > 0) || !std::isfinite(half)) continue;
+    const double deviation = half / normal_half_width(kConfidence);
+    information(i, i) = 1 / (deviation * deviation);
+  }
+  return information;
+}
 
 /// A preset, a fabric.toml, or the folder of a fit.
 Known read_known(const std::string& name) {
@@ -57,9 +78,13 @@ Known read_known(const std::string& name) {
   known.fabric = read_fabric(folder / "fabric.toml");
   const std::filesystem::path file = folder / "result.json";
   const Report report = read_result(file);
-  if (!report.certainty)
+  if (!report.certainty && !report.captures.empty())
     throw Error(
         fmt::format("{}: certainty: is missing; a fit that ended writes it", file.string()));
+  if (!report.certainty) {
+    known.information = information_of_intervals(report, known.fabric);
+    return known;
+  }
   const ReportCertainty& certainty = *report.certainty;
   const auto n = known.fabric.values.size();
   known.information = MatX::Zero(n, n);
@@ -88,6 +113,23 @@ MatX known_information(const Known& known) {
   return information;
 }
 
+/// Calls `check`, whose errors are those of `option`.
+template <typename Check>
+void check_option(const std::string& option, const Check& check) {
+  try {
+    check();
+  } catch (const Error& error) {
+    throw Error(fmt::format("{}: {}", option, error.what()));
+  }
+}
+
+void check_options(const Arguments& arguments, const Fabric& fabric) {
+  for (const std::string& name : arguments.parameters)
+    check_option("--parameters", [&] { fabric.value_index(name); });
+  if (!arguments.video_option.empty())
+    check_option(arguments.video_option, [&] { require_motion_model(fabric); });
+}
+
 Capture rig_of(const Arguments& arguments, const Fabric& fabric) {
   if (!arguments.like.empty()) return read_capture(arguments.like);
   LayoutOptions layout;
@@ -95,11 +137,46 @@ Capture rig_of(const Arguments& arguments, const Fabric& fabric) {
   return make_layout(layout);
 }
 
+constexpr double kDegree = std::numbers::pi / 180;
+
+using Json = nlohmann::ordered_json;
+
+Json values_of(const CandidateExperiment& e) {
+  return {{"separation", e.separation},
+          {"axis", name_of(e.axis)},
+          {"amplitude", e.amplitude},
+          {"frequency", e.frequency},
+          {"frames", e.frames}};
+}
+
+Json values_of(const CandidateTest& test) {
+  Json specimen = {{"free_length", test.specimen.free_length}, {"width", test.specimen.width}};
+  if (test.specimen.areal_density > 0) specimen["areal_density"] = test.specimen.areal_density;
+  specimen["grain_angle_deg"] = test.specimen.grain_angle / kDegree;
+  Json values = {{"test", name_of(test.kind)}, {"specimen", specimen}};
+  if (test.kind == CandidateTest::Kind::cantilever) {
+    values["profile"] = {{"readings", test.readings},
+                         {"clamp_angle_deg", test.clamp_angle / kDegree}};
+    values["point_noise"] = test.point_noise;
+  } else {
+    values["curve"] = {{"displacement", {test.first, test.last}}, {"readings", test.readings}};
+    values["force_noise"] = test.force_noise;
+    values["clip_noise"] = test.clip_noise;
+  }
+  return values;
+}
+
+Json values_of(const CandidateCapture& capture) {
+  return {{"capture", capture.folder.string()},
+          {"force_noise", capture.force_noise},
+          {"point_noise", capture.point_noise}};
+}
+
 nlohmann::json json_of(const std::vector<Suggestion>& suggestions, const Arguments& arguments) {
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  Json list = Json::array();
   for (std::size_t k = 0; k < suggestions.size(); ++k) {
     const Suggestion& s = suggestions[k];
-    nlohmann::ordered_json parameters;
+    Json parameters;
     for (const ExpectedInterval& p : s.parameters)
       parameters[p.name] = {{"value", p.value},
                             {"unit", p.unit},
@@ -107,15 +184,10 @@ nlohmann::json json_of(const std::vector<Suggestion>& suggestions, const Argumen
                             {"half_width", p.after},
                             {"interval_lower", p.lower},
                             {"interval_upper", p.upper}};
-    nlohmann::ordered_json experiment = {{"rank", k + 1},
-                                         {"name", s.experiment.name},
-                                         {"separation", s.experiment.separation},
-                                         {"axis", name_of(s.experiment.axis)},
-                                         {"amplitude", s.experiment.amplitude},
-                                         {"frequency", s.experiment.frequency},
-                                         {"frames", s.experiment.frames},
-                                         {"remaining", s.remaining},
-                                         {"parameters", parameters}};
+    Json experiment = {{"rank", k + 1}, {"name", name_of(s.experiment)}};
+    experiment.update(std::visit([](const auto& e) { return values_of(e); }, s.experiment));
+    experiment["remaining"] = s.remaining;
+    experiment["parameters"] = parameters;
     if (!s.failure.empty()) experiment["failure"] = s.failure;
     list.push_back(experiment);
   }
@@ -136,14 +208,14 @@ void print_table(const std::vector<Suggestion>& suggestions, const Arguments& ar
       "Width of the 90 % intervals that is left: of all named (geometric mean), and of each, with\n"
       "the half width expected after the experiment in the scale of the search (1: the range)\n\n");
   std::size_t width = 10;
-  for (const Suggestion& s : suggestions) width = std::max(width, s.experiment.name.size());
+  for (const Suggestion& s : suggestions) width = std::max(width, name_of(s.experiment).size());
   fmt::print("{:>4}  {:<{}} {:>6}", "rank", "experiment", width, "all");
   for (const ExpectedInterval& p : suggestions.front().parameters)
     if (is_target(arguments, p.name)) fmt::print("  {:>18}", p.name);
   fmt::print("\n");
   for (std::size_t k = 0; k < suggestions.size(); ++k) {
     const Suggestion& s = suggestions[k];
-    fmt::print("{:>4}  {:<{}} {:>5.1f}%", k + 1, s.experiment.name, width, 100 * s.remaining);
+    fmt::print("{:>4}  {:<{}} {:>5.1f}%", k + 1, name_of(s.experiment), width, 100 * s.remaining);
     for (const ExpectedInterval& p : s.parameters)
       if (is_target(arguments, p.name))
         fmt::print("  {:>6.1f}% (± {:>6.4f})", 100 * p.after / p.before, p.after);
@@ -157,25 +229,26 @@ BarChart chart_of(const std::vector<Suggestion>& suggestions) {
   chart.value.label = "of the width before";
   chart.value.unit = "%";
   for (const Suggestion& s : suggestions)
-    chart.bars.push_back({s.experiment.name, 100 * s.remaining, "", chart.bars.empty()});
+    chart.bars.push_back({name_of(s.experiment), 100 * s.remaining, "", chart.bars.empty()});
   return chart;
 }
 
 void run(Arguments& arguments) {
   const InterruptGuard guard;
   const Known known = read_known(arguments.known);
-  check_parameters("--parameters", known.fabric.model, arguments.parameters);
+  check_options(arguments, known.fabric);
   const Capture rig = rig_of(arguments, known.fabric);
   for (const std::string& axis : arguments.axes)
     arguments.family.axes.push_back(axis == "along" ? CandidateExperiment::Axis::along
                                     : axis == "up"  ? CandidateExperiment::Axis::up
                                                     : CandidateExperiment::Axis::across);
-  const std::vector<CandidateExperiment> candidates = arguments.candidates.empty()
-                                                          ? make_candidates(arguments.family)
-                                                          : read_candidates(arguments.candidates);
+  const std::vector<Candidate> candidates = arguments.candidates.empty()
+                                                ? default_candidates(known.fabric, arguments.family)
+                                                : read_candidates(arguments.candidates);
   if (!arguments.out.empty()) prepare_output_folder(arguments.out, {}, Existing::overwrite);
   SuggestOptions options;
   options.trial.columns = options.trial.rows = arguments.grid;
+  options.mechanical.cells = arguments.cells;
   options.targets = arguments.parameters;
   options.known = known_information(known);
   options.noise = arguments.noise > 0 ? arguments.noise : known.noise;
@@ -218,7 +291,8 @@ void add_suggest(CLI::App& app) {
       ->check(number_in(1e-3, 10))
       ->capture_default_str();
   command->add_option("--candidates", arguments->candidates,
-                      "file of experiments (docs/formats.md); otherwise all combinations of:");
+                      "file of experiments (docs/formats.md); otherwise strips, a bias extension "
+                      "and cantilevers, or of a model of motions all combinations of:");
   command
       ->add_option("--separations", arguments->family.separations,
                    "of the clips, of their distance on the swatch")
@@ -249,6 +323,11 @@ void add_suggest(CLI::App& app) {
   command->add_option("--grid", arguments->grid, "vertices along each side of the swatch")
       ->check(CLI::Range(3, 401))
       ->capture_default_str();
+  command
+      ->add_option("--cells", arguments->cells,
+                   "mechanical tests: cells of the mesh across the shortest free side")
+      ->check(CLI::Range(2, 200))
+      ->capture_default_str();
   command->add_option("--threads", arguments->threads, "0: all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
@@ -256,12 +335,15 @@ void add_suggest(CLI::App& app) {
   command->add_option("--out", arguments->out, "folder for suggestions.json and suggestions.svg");
   command->footer(
       "Example:\n  weft suggest out/cotton --parameters bend_stiffness shear_stiffness "
-      "--amplitudes 0 0.05 --frequencies 1 2");
+      "--amplitudes 0 0.05 --frequencies 1 2\n"
+      "  weft suggest out/strip --parameters weft_bend --candidates tests.toml");
   command->callback([arguments, command] {
     for (const char* name :
          {"--separations", "--amplitudes", "--frequencies", "--axes", "--frames"}) {
-      if (!arguments->candidates.empty() && command->count(name) > 0)
+      if (command->count(name) == 0) continue;
+      if (!arguments->candidates.empty())
         throw Error(fmt::format("{}: not with --candidates", name));
+      arguments->video_option = name;
     }
     run(*arguments);
   });

@@ -235,5 +235,64 @@ TEST_F(Mechanical, RefusesWhatCannotBeMeant) {
   EXPECT_THAT(refusal({"check", path("strip")}), HasSubstr("curve.csv:3"));
 }
 
+TEST_F(Mechanical, SuggestRanksTheTestThatTells) {
+  write_fabric(folder_ / "known.toml", Fabric::with_defaults("known", "stvk"));
+  const std::string curve =
+      "curve = { displacement = [0, 10], displacement_unit = \"mm\", "
+      "readings = 5 }\n";
+  write("tests.toml",
+        "format = \"weft-experiments\"\nversion = 1\n[[experiment]]\nname = \"warp\"\n"
+        "test = \"strip\"\nspecimen = { free_length = 0.2, width = 0.05, grain_angle_deg = 90 }\n" +
+            curve + "[[experiment]]\nname = \"weft\"\ncapture = \"strip\"\n");
+  const std::vector<std::string> words{
+      "suggest",      path("known.toml"), "--candidates", path("tests.toml"), "--cells", "4",
+      "--parameters", "membrane_uu",      "--out",        path("next")};
+  const Outcome outcome = weft(words);
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("1  weft"));
+  const json ranked = json::parse(text_of(folder_ / "next/suggestions.json"))["experiments"];
+  ASSERT_EQ(ranked.size(), 2u);
+  EXPECT_EQ(ranked[0]["name"], "weft");
+  EXPECT_EQ(ranked[0]["capture"], path("strip"));
+  EXPECT_LT(ranked[0]["remaining"], 0.1);
+  EXPECT_EQ(ranked[1]["test"], "strip");
+  EXPECT_EQ(ranked[1]["specimen"]["grain_angle_deg"], 90);
+  EXPECT_EQ(ranked[1]["curve"]["displacement"], json({0.0, 0.01}));
+  EXPECT_GT(ranked[1]["remaining"], 0.9);
+
+  const std::string refused = refusal({"suggest", path("known.toml"), "--frames", "9"});
+  EXPECT_THAT(refused, testing::StartsWith("--frames: "));
+  EXPECT_THAT(refused, HasSubstr("is of model \"stvk\""));
+  replace("tests.toml", "readings = 5", "readings = 0");
+  EXPECT_THAT(refusal(words), HasSubstr("tests.toml:7: experiment[0].curve.readings"));
+  replace("tests.toml", "readings = 0", "reading = 5");
+  EXPECT_THAT(refusal(words), HasSubstr("reading"));
+  replace("tests.toml", "capture = \"strip\"", "capture = \"stripe\"");
+  replace("tests.toml", "reading = 5", "readings = 5");
+  EXPECT_THAT(refusal(words), HasSubstr("stripe\" is no folder"));
+}
+
+TEST_F(Mechanical, SuggestGoesOnFromAFit) {
+  const Outcome fitted = fit("out");
+  ASSERT_EQ(fitted.status, 0) << fitted.err;
+  const Outcome outcome = weft({"suggest", path("out"), "--cells", "4", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json ranked = json::parse(outcome.out)["experiments"];
+  ASSERT_EQ(ranked.size(), 6u);
+  const json result =
+      json::parse(text_of(folder_ / "out/result.json"))["parameters"]["membrane_uu"];
+  const json& stretch = ranked[0]["parameters"]["membrane_uu"];
+  const double range = std::log(result["upper"].get<double>() / result["lower"].get<double>());
+  const double half =
+      0.5 *
+      std::log(result["interval_upper"].get<double>() / result["interval_lower"].get<double>()) /
+      range;
+  EXPECT_NEAR(stretch["half_width_before"].get<double>(), half, 0.01 * half);
+  for (const json& experiment : ranked) {
+    EXPECT_FALSE(experiment.contains("failure")) << experiment.dump();
+    EXPECT_LE(experiment["parameters"]["membrane_uu"]["half_width"], stretch["half_width_before"]);
+  }
+}
+
 }  // namespace
 }  // namespace weft

@@ -95,7 +95,7 @@ TEST(Suggest, AFamilyHasEachCombinationOnce) {
   family.frames = {10};
   const auto candidates = make_candidates(family);
   EXPECT_EQ(candidates.size(), 2u * (1 + 2 * 3 * 2));
-  EXPECT_THAT(candidates[0].name, HasSubstr("still"));
+  EXPECT_THAT(name_of(candidates[0]), HasSubstr("still"));
 }
 
 TEST(Suggest, AFileOfCandidatesIsReadStrictly) {
@@ -118,9 +118,9 @@ TEST(Suggest, AFileOfCandidatesIsReadStrictly) {
       "[[experiment]]\nseparation = 0.7\namplitude = 0.05\naxis = \"up\"\nfrequency = 3\n"
       "frames = 12\n[[experiment]]\nname = \"hang\"\nseparation = 0.9\namplitude = 0\n");
   ASSERT_EQ(found.size(), 2u);
-  EXPECT_EQ(found[0].axis, Axis::up);
-  EXPECT_EQ(found[0].frames, 12);
-  EXPECT_EQ(found[1].name, "hang");
+  EXPECT_EQ(std::get<CandidateExperiment>(found[0]).axis, Axis::up);
+  EXPECT_EQ(std::get<CandidateExperiment>(found[0]).frames, 12);
+  EXPECT_EQ(name_of(found[1]), "hang");
   EXPECT_THAT(message(""), HasSubstr("no [[experiment]]"));
   EXPECT_THAT(message("[[experiment]]\nseparation = 2\namplitude = 0\n"),
               testing::AllOf(HasSubstr("experiments.toml:4"), HasSubstr("separation")));
@@ -130,14 +130,15 @@ TEST(Suggest, AFileOfCandidatesIsReadStrictly) {
 }
 
 TEST(Suggest, AStillSwatchTellsNothingOfDampingAndDrag) {
-  const std::vector<CandidateExperiment> candidates{{"hang", 0.8, Axis::across, 0, 1, 4},
-                                                    {"wave", 0.8, Axis::across, 0.05, 3, 6}};
+  const std::vector<Candidate> candidates{
+      CandidateExperiment{"hang", 0.8, Axis::across, 0, 1, 4},
+      CandidateExperiment{"wave", 0.8, Axis::across, 0.05, 3, 6}};
   SuggestOptions options = small_options();
   options.targets = {"drag_quadratic"};
   options.noise = 1e-3;  // a short motion: little noise lets it show
   const auto ranked = suggest_experiments(small_rig(), fabric(), candidates, options);
   ASSERT_EQ(ranked.size(), 2u);
-  EXPECT_EQ(ranked[0].experiment.name, "wave");
+  EXPECT_EQ(name_of(ranked[0].experiment), "wave");
   EXPECT_LT(ranked[0].remaining, 0.95);
   for (const char* name : {"drag_linear", "drag_quadratic", "bend_damping"}) {
     const ExpectedInterval& p = interval(ranked[1], name);
@@ -152,8 +153,9 @@ TEST(Suggest, AStillSwatchTellsNothingOfDampingAndDrag) {
 }
 
 TEST(Suggest, InformationGrowsWithSamplesAndFallsWithNoise) {
-  const std::vector<CandidateExperiment> candidates{{"hang", 0.8, Axis::across, 0, 1, 2},
-                                                    {"longer", 0.8, Axis::across, 0, 1, 4}};
+  const std::vector<Candidate> candidates{
+      CandidateExperiment{"hang", 0.8, Axis::across, 0, 1, 2},
+      CandidateExperiment{"longer", 0.8, Axis::across, 0, 1, 4}};
   SuggestOptions options = small_options();
   options.noise = 1;
   const auto found = suggest_experiments(small_rig(), fabric(), candidates, options);
@@ -163,7 +165,7 @@ TEST(Suggest, InformationGrowsWithSamplesAndFallsWithNoise) {
   options.noise = 4;
   const auto noisy = suggest_experiments(small_rig(), fabric(), {candidates[0]}, options);
   const MatX& plain =
-      found[0].experiment.name == "hang" ? found[0].information : found[1].information;
+      name_of(found[0].experiment) == "hang" ? found[0].information : found[1].information;
   EXPECT_LT((4 * noisy[0].information - plain).norm(), 1e-9 * plain.norm());
 
   // What is known well already does not shrink.
@@ -175,6 +177,40 @@ TEST(Suggest, InformationGrowsWithSamplesAndFallsWithNoise) {
   options = small_options();
   options.targets = {"bend"};
   EXPECT_THROW(suggest_experiments(small_rig(), fabric(), candidates, options), Error);
+}
+
+TEST(Suggest, AStripTellsTheStretchAlongItsPull) {
+  Fabric known = Fabric::with_defaults("known", "stvk");
+  SuggestOptions options = small_options();
+  options.mechanical.cells = 4;
+  options.targets = {"membrane_uu"};
+  const std::vector<CandidateTest> tests = default_tests();
+  const auto ranked = suggest_experiments(
+      small_rig(), known,
+      {CandidateExperiment{"hang", 0.8, Axis::across, 0, 1, 2}, tests[1], tests[0]}, options);
+  ASSERT_EQ(ranked.size(), 3u);
+  EXPECT_EQ(name_of(ranked[0].experiment), "strip along the weft");
+  EXPECT_LT(ranked[0].remaining, 0.1);
+  EXPECT_EQ(name_of(ranked[1].experiment), "strip along the warp");
+  EXPECT_GT(ranked[1].remaining, 0.9);
+  EXPECT_THAT(ranked[2].failure, HasSubstr("is of model \"stvk\""));
+  EXPECT_EQ(ranked[2].remaining, 1);
+
+  known.set("membrane_uv", 1e-4);
+  const auto alone = suggest_experiments(small_rig(), known, {tests[0]}, options);
+  const Eigen::Index i = known.value_index("membrane_uu");
+  const double deviation = 1 / std::sqrt(12 + alone[0].information(i, i));
+  EXPECT_NEAR(interval(alone[0], "membrane_uu").after, 1.645 * deviation, 1e-3 * deviation);
+}
+
+TEST(Suggest, CandidatesAreWhatTheModelCanSimulate) {
+  const auto videos = default_candidates(Fabric::with_defaults("f"));
+  EXPECT_TRUE(std::holds_alternative<CandidateExperiment>(videos.front()));
+  for (const char* model : {"stvk", "stvk-diagonal", "soft-constraints", "springs"}) {
+    const auto tests = default_candidates(Fabric::with_defaults("f", model));
+    ASSERT_EQ(tests.size(), 6u) << model;
+    for (const Candidate& test : tests) EXPECT_TRUE(std::holds_alternative<CandidateTest>(test));
+  }
 }
 
 }  // namespace

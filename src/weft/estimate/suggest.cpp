@@ -40,9 +40,7 @@ std::string words_of(const CandidateExperiment& e) {
 
 void check(const CandidateExperiment& e) {
   const auto require = [&](double value, Range valid, const char* key) {
-    if (!(value >= valid.lower && value <= valid.upper))
-      throw Error(fmt::format("experiment \"{}\": {} = {:g}, valid: {:g} to {:g}", e.name, key,
-                              value, valid.lower, valid.upper));
+    check_experiment_value(e.name, key, value, valid);
   };
   require(e.separation, kSeparation, "separation");
   require(e.amplitude, kAmplitude, "amplitude");
@@ -73,6 +71,15 @@ Vec3 unit_axis(Axis axis, const Vec3& line, const Vec3& gravity) {
   return axis == Axis::up ? up : Vec3(up.cross(line).normalized());
 }
 
+Candidate named(Candidate candidate) {
+  std::visit(
+      [](auto& experiment) {
+        if (experiment.name.empty()) experiment.name = words_of(experiment);
+      },
+      candidate);
+  return candidate;
+}
+
 class Suggester {
  public:
   Suggester(const Capture& like, const Fabric& fabric, const SuggestOptions& options)
@@ -92,14 +99,18 @@ class Suggester {
     quantile_ = student_quantile(0.5 + 0.5 * options.confidence, kManyDegreesOfFreedom);
   }
 
-  Suggestion suggest(const CandidateExperiment& experiment) const {
+  /// Throws Error for one that cannot be made.
+  void check(const Candidate& candidate) const {
+    std::visit([this](const auto& experiment) { check_one(experiment); }, candidate);
+  }
+
+  Suggestion suggest(const Candidate& candidate) const {
     Suggestion result;
-    result.experiment = experiment;
-    if (result.experiment.name.empty()) result.experiment.name = words_of(experiment);
-    const Capture capture = experiment_capture(like_, experiment);
+    result.experiment = named(candidate);
     result.information = MatX::Zero(known_.rows(), known_.cols());
     try {
-      result.information = information(capture, experiment);
+      result.information =
+          std::visit([this](const auto& experiment) { return information(experiment); }, candidate);
     } catch (const Error& error) {
       result.failure = error.what();
     }
@@ -108,7 +119,21 @@ class Suggester {
   }
 
  private:
-  MatX information(const Capture& capture, const CandidateExperiment& experiment) const {
+  void check_one(const CandidateExperiment& experiment) const {
+    experiment_capture(like_, experiment);
+  }
+  void check_one(const auto& test) const { weft::check(test); }
+
+  MatX information(const auto& test) const {
+    MechanicalInformationOptions options;
+    options.mechanical = options_.mechanical;
+    options.areal_density = like_.areal_density;
+    options.threads = options_.threads;
+    return mechanical_information(test, fabric_, options);
+  }
+
+  MatX information(const CandidateExperiment& experiment) const {
+    const Capture capture = experiment_capture(like_, experiment);
     SyntheticOptions truth;
     truth.columns = options_.trial.columns;
     truth.rows = options_.trial.rows;
@@ -179,42 +204,67 @@ class Suggester {
 
 std::string_view name_of(Axis axis) { return kAxisNames[static_cast<std::size_t>(axis)]; }
 
-std::vector<CandidateExperiment> make_candidates(const CandidateFamily& family) {
-  std::vector<CandidateExperiment> candidates;
+const std::string& name_of(const Candidate& candidate) {
+  return std::visit([](const auto& experiment) -> const std::string& { return experiment.name; },
+                    candidate);
+}
+
+std::vector<Candidate> make_candidates(const CandidateFamily& family) {
+  std::vector<Candidate> candidates;
   for (const int frames : family.frames) {
     for (const double separation : family.separations) {
       for (const double amplitude : family.amplitudes) {
         if (amplitude == 0) {
-          candidates.push_back({"", separation, Axis::across, 0, 1, frames});
+          candidates.push_back(
+              named(CandidateExperiment{"", separation, Axis::across, 0, 1, frames}));
           continue;
         }
         for (const double frequency : family.frequencies)
           for (const Axis axis : family.axes)
-            candidates.push_back({"", separation, axis, amplitude, frequency, frames});
+            candidates.push_back(
+                named(CandidateExperiment{"", separation, axis, amplitude, frequency, frames}));
       }
     }
   }
-  for (CandidateExperiment& candidate : candidates) candidate.name = words_of(candidate);
   return candidates;
 }
 
-std::vector<CandidateExperiment> read_candidates(const std::filesystem::path& path) {
+std::vector<Candidate> default_candidates(const Fabric& fabric, const CandidateFamily& family) {
+  if (fabric.model.starts_with("baraff-witkin")) return make_candidates(family);
+  const std::vector<CandidateTest> tests = default_tests();
+  return {tests.begin(), tests.end()};
+}
+
+namespace {
+
+CandidateExperiment read_video(const TomlTable& table) {
+  CandidateExperiment e;
+  e.separation = table.number("separation", kSeparation);
+  e.amplitude = table.number("amplitude", kAmplitude);
+  e.frequency = table.optional_number("frequency", kFrequency).value_or(e.frequency);
+  e.frames = table.optional_integer("frames", 1, kMostFrames).value_or(e.frames);
+  const std::string axis =
+      table.optional_choice("axis", {"across", "along", "up"}).value_or("across");
+  e.axis = axis == "along" ? Axis::along : axis == "up" ? Axis::up : Axis::across;
+  e.name = table.optional_string("name").value_or(words_of(e));
+  table.finish();
+  return e;
+}
+
+}  // namespace
+
+std::vector<Candidate> read_candidates(const std::filesystem::path& path) {
   const TomlTable file = TomlTable::parse_file(path);
   file.choice("format", {"weft-experiments"});
   file.integer("version", 1, 1);
-  std::vector<CandidateExperiment> candidates;
+  std::vector<Candidate> candidates;
   for (const TomlTable& table : file.tables("experiment")) {
-    CandidateExperiment e;
-    e.separation = table.number("separation", kSeparation);
-    e.amplitude = table.number("amplitude", kAmplitude);
-    e.frequency = table.optional_number("frequency", kFrequency).value_or(e.frequency);
-    e.frames = table.optional_integer("frames", 1, kMostFrames).value_or(e.frames);
-    const std::string axis =
-        table.optional_choice("axis", {"across", "along", "up"}).value_or("across");
-    e.axis = axis == "along" ? Axis::along : axis == "up" ? Axis::up : Axis::across;
-    e.name = table.optional_string("name").value_or(words_of(e));
-    table.finish();
-    candidates.push_back(e);
+    if (table.has("test"))
+      candidates.emplace_back(read_candidate_test(table));
+    else if (table.has("capture"))
+      candidates.emplace_back(read_candidate_capture(table));
+    else
+      candidates.emplace_back(read_video(table));
   }
   file.finish();
   if (candidates.empty()) throw error_at(file.where("experiment"), "there is no [[experiment]]");
@@ -253,13 +303,13 @@ Capture experiment_capture(const Capture& like, const CandidateExperiment& exper
 }
 
 std::vector<Suggestion> suggest_experiments(const Capture& like, const Fabric& fabric,
-                                            const std::vector<CandidateExperiment>& candidates,
+                                            const std::vector<Candidate>& candidates,
                                             const SuggestOptions& options,
                                             const SuggestObserver& observer) {
   const Suggester suggester(like, fabric, options);
-  for (const CandidateExperiment& candidate : candidates) experiment_capture(like, candidate);
+  for (const Candidate& candidate : candidates) suggester.check(candidate);
   std::vector<Suggestion> suggestions;
-  for (const CandidateExperiment& candidate : candidates) {
+  for (const Candidate& candidate : candidates) {
     suggestions.push_back(suggester.suggest(candidate));
     if (observer && !observer(suggestions.size(), candidates.size())) break;
   }

@@ -3,13 +3,15 @@
 #include <functional>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
+#include "weft/estimate/mechanical_candidate.h"
 #include "weft/estimate/problem.h"
 
 namespace weft {
 
-/// An experiment that could be made: the swatch hangs by two clips, the second of which is moved to
+/// A video that could be made: the swatch hangs by two clips, the second of which is moved to
 /// and fro, from rest, its amplitude growing over the first half period.
 struct CandidateExperiment {
   enum class Axis {
@@ -27,7 +29,7 @@ struct CandidateExperiment {
 /// "across", "along", "up".
 std::string_view name_of(CandidateExperiment::Axis axis);
 
-/// All combinations; an amplitude of 0 once only for each separation and number of frames.
+/// Values of experiments, for make_candidates().
 struct CandidateFamily {
   std::vector<double> separations{0.6, 0.75, 0.9};
   std::vector<double> amplitudes{0, 0.06};
@@ -35,10 +37,19 @@ struct CandidateFamily {
   std::vector<CandidateExperiment::Axis> axes{CandidateExperiment::Axis::across};
   std::vector<int> frames{50};
 };
-std::vector<CandidateExperiment> make_candidates(const CandidateFamily& family);
+
+/// What may be ranked side by side.
+using Candidate = std::variant<CandidateExperiment, CandidateTest, CandidateCapture>;
+const std::string& name_of(const Candidate& candidate);
+
+/// All combinations; an amplitude of 0 once only for each separation and number of frames.
+std::vector<Candidate> make_candidates(const CandidateFamily& family);
+/// What is ranked where nothing else is asked for: default_tests(), or of a fabric of a motion
+/// model (fabric.h) a family.
+std::vector<Candidate> default_candidates(const Fabric& fabric, const CandidateFamily& family = {});
 
 /// A file of candidates (docs/formats.md). Throws Error with file, line and key.
-std::vector<CandidateExperiment> read_candidates(const std::filesystem::path& path);
+std::vector<Candidate> read_candidates(const std::filesystem::path& path);
 
 /// The capture that the experiment would give: rig, swatch and frame rate of `like`, whose two
 /// fixtures are the clips; the middle between them and the direction of their line at time 0 stay.
@@ -47,15 +58,16 @@ std::vector<CandidateExperiment> read_candidates(const std::filesystem::path& pa
 Capture experiment_capture(const Capture& like, const CandidateExperiment& experiment);
 
 struct SuggestOptions {
-  TrialOptions trial;
+  TrialOptions trial;            ///< of videos
+  MechanicalOptions mechanical;  ///< of mechanical tests
   /// Whose intervals shall shrink; empty: all of the model.
   std::vector<std::string> targets;
   /// Fisher information that is there already (Uncertainty::information), scaled coordinates, a row
   /// for each parameter of the model; empty: none.
   MatX known;
-  /// Noise of a frame, rad^2: twice the variance of a pixel's residual times the number of pixels
-  /// that count as one. 0: residuals of 0.1 rad rms, and a patch a sixteenth of the image wide
-  /// (40 x 40 of 640 pixels, the width of a fold) counts as one.
+  /// Noise of a frame of a video, rad^2: twice the variance of a pixel's residual times the number
+  /// of pixels that count as one. 0: residuals of 0.1 rad rms, and a patch a sixteenth of the image
+  /// wide (40 x 40 of 640 pixels, the width of a fold) counts as one.
   double noise = 0;
   /// Successive frames of a motion that count as one, >= 1. All of a swatch that hangs still do.
   int frames_per_sample = 5;
@@ -72,7 +84,7 @@ struct ExpectedInterval {
   double lower = 0, upper = 0;   ///< of the interval after it, in `unit`
 };
 struct Suggestion {
-  CandidateExperiment experiment;
+  Candidate experiment;
   std::vector<ExpectedInterval> parameters;  ///< all of the model
   /// Geometric mean over the targets of after / before: the smaller, the better. 1 where the
   /// simulation diverged.
@@ -86,7 +98,7 @@ using SuggestObserver = std::function<bool(std::size_t done, std::size_t total)>
 /// Ranks experiments by how much they are expected to shrink the intervals of `fabric`'s
 /// parameters, the best first.
 ///
-/// Each candidate is simulated with sensitivities at the fabric as known, and its fold and
+/// A video is simulated with sensitivities at the fabric as known, and its fold and
 /// silhouette residuals are linearized against its own rendered frames: no video is needed. With
 /// H_k the Gauss-Newton matrix of frame k (the sum over its pixels of 2 dr dr^T), the Fisher
 /// information is
@@ -98,13 +110,18 @@ using SuggestObserver = std::function<bool(std::size_t done, std::size_t total)>
 /// that do. A noise level that is wrong by a factor changes all expected widths by its root, but
 /// not their order, unless `known` is large beside the experiments.
 ///
+/// Of a mechanical test I is mechanical_information(), with the areal density of `like` where
+/// neither specimen nor fabric state one: its residuals are independent of each other, with the
+/// noise that it states.
+///
 /// To I and `known` comes what the range of the search says: that of a uniform distribution over
 /// it, 12 on the diagonal. It keeps the intervals of what no experiment determines finite, at 0.45
 /// of the range. The half width is the quantile of the normal distribution times the root of the
 /// diagonal of the inverse. All is to first order about `fabric`: how far off the fabric may be,
-/// and whether a fit would find it, is not in it.
+/// and whether a fit would find it, is not in it. Throws Error, before any simulation, for
+/// candidates that cannot be made: of videos as experiment_capture(), of tests as check().
 std::vector<Suggestion> suggest_experiments(const Capture& like, const Fabric& fabric,
-                                            const std::vector<CandidateExperiment>& candidates,
+                                            const std::vector<Candidate>& candidates,
                                             const SuggestOptions& options,
                                             const SuggestObserver& observer = {});
 
