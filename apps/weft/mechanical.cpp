@@ -91,6 +91,10 @@ void check_mechanical(const std::string& folder) {
     fmt::print("drive       cords; a fit finds their friction\n");
   if (capture.clip_noise > 0)
     fmt::print("clips       known to {:g} m; a fit weighs forces with it\n", capture.clip_noise);
+  if (const auto& bars = capture.picture_frame)
+    fmt::print("bars        {:g} m, hinged; shear from {:.4g} to {:.4g} degrees\n", bars->side,
+               bars->shear.minCoeff() * 180 / std::numbers::pi,
+               bars->shear.maxCoeff() * 180 / std::numbers::pi);
   for (const MechanicalFixture& fixture : capture.fixtures) print_fixture(fixture);
   if (capture.geometry) {
     fmt::print("shape       {} points\n", read_geometry(capture).mesh.vertex_count());

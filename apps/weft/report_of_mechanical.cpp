@@ -61,17 +61,30 @@ Vec3 main_direction(const MechanicalFixture& fixture) {
   return direction.norm() > 0 ? Vec3(direction.normalized()) : direction;
 }
 
+/// Of the crosshead of a picture frame, or of a clip as report_clip says, m.
+std::vector<double> ways_of(const MechanicalCapture& capture, std::size_t index) {
+  std::vector<double> ways;
+  if (const auto& bars = capture.picture_frame) {
+    for (const double shear : bars->shear)
+      ways.push_back(std::abs(frame_displacement(bars->side, shear) -
+                              frame_displacement(bars->side, bars->shear[0])));
+    return ways;
+  }
+  const MechanicalFixture &fixture = capture.fixtures[index], &first = capture.fixtures.front();
+  for (std::size_t k = 0; k < fixture.frames.size(); ++k) {
+    Vec3 way = fixture.frames[k].position - fixture.frames.front().position;
+    if (index > 0) way -= first.frames[k].position - first.frames.front().position;
+    ways.push_back(way.norm());
+  }
+  return ways;
+}
+
 ReportClip report_clip(const MechanicalTrial& trial, std::size_t index,
                        const std::vector<MechanicalFrame>& frames, const Spread& spread) {
   const MechanicalFixture& fixture = trial.capture.fixtures[index];
   ReportClip clip;
   clip.name = fixture.name;
-  const MechanicalFixture& first = trial.capture.fixtures.front();
-  for (std::size_t k = 0; k < fixture.frames.size(); ++k) {
-    Vec3 way = fixture.frames[k].position - fixture.frames.front().position;
-    if (index > 0) way -= first.frames[k].position - first.frames.front().position;
-    clip.moved.push_back(way.norm());
-  }
+  clip.moved = ways_of(trial.capture, index);
   if (fixture.forces.cols() == 0) return clip;
   const Vec3 direction = main_direction(fixture);
   for (const MechanicalFrame& frame : frames) {

@@ -226,6 +226,41 @@ TEST_F(Mechanical, FitsTogetherWithAVideo) {
       HasSubstr("--method"));
 }
 
+// A square of 0.14 m in a frame of 0.2 m: F = A G sin(gamma) cos(gamma) / (L sin(half angle)), with
+// the half angle at the pulled corner acos((sqrt(2) + d / L) / 2).
+TEST_F(Mechanical, FitsAPictureFrame) {
+  const double side = 0.14, frame = 0.2, shear = 70;
+  write("frame/capture.toml",
+        "format = \"weft-capture\"\nversion = 1\nname = \"frame\"\nkind = \"mechanical\"\n"
+        "test = \"picture-frame\"\n"
+        "specimen = { frame_side = 0.2, side = 0.14, areal_density = 0.15 }\n"
+        "[curve]\nfile = \"curve.csv\"\ndisplacement = \"crosshead\"\nforce = \"load\"\n"
+        "displacement_unit = \"mm\"\n");
+  std::string curve = "crosshead,load\n";
+  for (int k = 0; k <= 6; ++k) {
+    const double displacement = 0.01 * k;
+    const double half = std::acos((std::sqrt(2.0) + displacement / frame) / 2);
+    const double force =
+        side * side * shear * std::cos(2 * half) * std::sin(2 * half) / (frame * std::sin(half));
+    curve += fmt::format("{:g},{:.9f}\n", 1e3 * displacement, force);
+  }
+  write("frame/curve.csv", curve);
+  const Outcome check = weft({"check", path("frame")});
+  ASSERT_EQ(check.status, 0) << check.err;
+  EXPECT_THAT(check.out, HasSubstr("bars        0.2 m, hinged; shear from 0 to 2"));
+
+  const Outcome outcome = weft({"fit", path("frame"), "--out", path("out"), "--cells", "3",
+                                "--parameters", "membrane_shear"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  EXPECT_NEAR(result["parameters"]["membrane_shear"]["value"], shear, 1e-3 * shear);
+  EXPECT_LT(result["mechanical"][0]["force_relative"].get<double>(), 1e-4);
+  // Cells do not matter.
+  EXPECT_NEAR(result["mesh_shift"]["membrane_shear"].get<double>(), 0, 1e-6);
+  // Force against the way of the crosshead.
+  EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("Force of the clips"));
+}
+
 TEST_F(Mechanical, RefusesWhatCannotBeMeant) {
   EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--grid", "25"}),
               HasSubstr("--grid"));

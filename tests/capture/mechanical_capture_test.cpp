@@ -175,6 +175,69 @@ TEST_F(StandardTest, RefusesWhatItDoesNotKnow) {
               StartsWith("curve.csv:3: F: \"x\" is not a finite number"));
 }
 
+class PictureFrameTest : public ReadMechanical {
+ protected:
+  void SetUp() override {
+    write("capture.toml",
+          "format = \"weft-capture\"\nversion = 1\nkind = \"mechanical\"\ntest = "
+          "\"picture-frame\"\n[specimen]\nframe_side = 0.2\nside = 0.14\nareal_density = 0.15\n"
+          "grain_angle_deg = 30\n[curve]\nfile = \"curve.csv\"\ndisplacement = \"d\"\n"
+          "force = \"F\"\ndisplacement_unit = \"mm\"\nforce_unit = \"cN\"\n");
+    // 90 degrees - 2 acos((sqrt(2) + d / L) / 2).
+    write("curve.csv", "d,angle,F\n0,0,0\n10,4.12661,250\n");
+  }
+};
+
+TEST_F(PictureFrameTest, IsASquareThatIsSheared) {
+  const MechanicalCapture capture = read_mechanical_capture(folder_);
+  EXPECT_EQ(capture.frame_count, 2);
+  EXPECT_EQ(capture.width, 0.14);
+  EXPECT_EQ(capture.height, 0.14);
+  EXPECT_EQ(capture.gravity, Vec3::Zero());
+  EXPECT_NEAR(capture.grain_angle, std::numbers::pi / 6, 1e-15);
+  ASSERT_TRUE(capture.picture_frame);
+  EXPECT_EQ(capture.picture_frame->side, 0.2);
+  EXPECT_NEAR(capture.picture_frame->shear[0], 0, 1e-15);
+  EXPECT_NEAR(capture.picture_frame->shear[1], 4.12661 * std::numbers::pi / 180, 1e-7);
+  ASSERT_EQ(capture.fixtures.size(), 1u);
+  EXPECT_TRUE(capture.fixtures[0].frames[1].region.contains({0.14, 0.14}));
+  EXPECT_NEAR(capture.fixtures[0].forces(0, 1), 2.5, 1e-15);
+  EXPECT_TRUE(std::isnan(capture.fixtures[0].forces(1, 1)));
+}
+
+TEST_F(PictureFrameTest, TakesAnglesToo) {
+  replace("capture.toml", "displacement = \"d\"", "shear_angle = \"angle\"");
+  replace("capture.toml", "displacement_unit = \"mm\"", "shear_angle_unit = \"deg\"");
+  const MechanicalCapture capture = read_mechanical_capture(folder_);
+  EXPECT_NEAR(capture.picture_frame->shear[1], 4.12661 * std::numbers::pi / 180, 1e-15);
+  replace("capture.toml", "shear_angle_unit = \"deg\"\n", "");
+  EXPECT_THAT(refusal(), StartsWith("curve.csv:3: angle: 4.12661 rad is out of range; must be in "
+                                    "[-1.39626, 1.39626], a shear of -80 to 80 degrees"));
+}
+
+TEST_F(PictureFrameTest, NamesFileLineAndKey) {
+  EXPECT_THAT(refusal_with("capture.toml", "frame_side = 0.2", "frame_side = 0.13"),
+              StartsWith("capture.toml:6: specimen.frame_side: 0.13 is out of range; must be in "
+                         "[0.14, 10]"));
+  EXPECT_THAT(refusal_with("capture.toml", "side = 0.14", "side = 0"),
+              StartsWith("capture.toml:7: specimen.side: 0 is out of range"));
+  EXPECT_THAT(refusal_with("capture.toml", "frame_side", "frame"),
+              HasSubstr("specimen.frame_side: missing"));
+  EXPECT_THAT(refusal_with("capture.toml", "force_unit", "angle_unit"),
+              HasSubstr("curve.angle_unit: unknown key"));
+  EXPECT_THAT(refusal_with("capture.toml", "[curve]\n", "[curve]\nshear_angle = \"angle\"\n"),
+              StartsWith("capture.toml:10: curve: either displacement or shear_angle is needed"));
+  EXPECT_THAT(refusal_with("capture.toml", "displacement = \"d\"\n", ""),
+              HasSubstr("curve: either displacement or shear_angle is needed"));
+  // 2 L (cos 5 degrees - cos 45 degrees) is 0.1156 m.
+  EXPECT_THAT(refusal_with("curve.csv", "10,", "120,"),
+              StartsWith("curve.csv:3: d: 0.12 m is out of range; must be in [-0.24"));
+  EXPECT_THAT(refusal_with("curve.csv", "\n0,0,0\n10,4.12661,250", ""), HasSubstr("no rows"));
+  const std::string kind = "kind = \"mechanical\"\n";
+  EXPECT_THAT(refusal_with("capture.toml", kind, kind + "clip_noise = 1e-5\n"),
+              StartsWith("capture.toml:4: clip_noise: not valid for a picture frame"));
+}
+
 class CantileverTest : public ReadMechanical {
  protected:
   void SetUp() override {

@@ -98,6 +98,9 @@ TEST(WriteMechanicalCapture, RefusesWhatCannotBeReadBack) {
   MechanicalFiles files;
   files.geometry.emplace();
   EXPECT_THROW(write_mechanical_capture(folder.path(), capture, files), Error);
+  capture = example();
+  capture.picture_frame = PictureFrame{0.1, VecX::Zero(capture.frame_count)};
+  EXPECT_THROW(write_mechanical_capture(folder.path(), capture), Error);
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "capture.toml"));
 }
 

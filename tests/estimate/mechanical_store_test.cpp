@@ -267,6 +267,7 @@ TEST_F(MechanicalStoreTest, WhatIsComputedOtherwiseHasAnotherFingerprint) {
   changed([](MechanicalTrial& t) { t.capture.gravity.z() += 0.01; });
   changed([](MechanicalTrial& t) { t.capture.fixtures[0].frames[1].position.x() += 1e-6; });
   changed([](MechanicalTrial& t) { t.capture.fixtures[0].forces.setZero(3, 3); });
+  changed([](MechanicalTrial& t) { t.capture.picture_frame = PictureFrame{0.2, VecX::Ones(3)}; });
   changed([](MechanicalTrial& t) { t.geometry->frames[1](0, 0) += 1e-6; });
   changed([](MechanicalTrial& t) { t.options.statics.force_tolerance *= 2; });
   Fabric other = truth;

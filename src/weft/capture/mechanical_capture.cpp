@@ -20,7 +20,12 @@ constexpr double kOnSwatch = 1e-6;    // m
 constexpr double kSamePoint = 1e-9;   // m
 constexpr double kUnitLength = 1e-3;  // of a quaternion
 
-const std::vector<std::string> kTests{"strip", "bias-extension", "cantilever"};
+const std::vector<std::string> kTests{"strip", "bias-extension", "picture-frame", "cantilever"};
+/// Names of a unit and what one is in SI; the first is what counts unless stated.
+using Units = std::vector<std::pair<std::string, double>>;
+constexpr double kDegree = std::numbers::pi / 180;
+const Units kAngleUnits{{"rad", 1}, {"deg", kDegree}};
+const Units kForceUnits{{"N", 1}, {"mN", 1e-3}, {"cN", 1e-2}, {"gf", 9.80665e-3}};
 
 TomlTable parse_capture(const std::filesystem::path& folder) {
   if (!std::filesystem::is_directory(folder)) {
@@ -140,7 +145,7 @@ class MechanicalReader {
   static double read_grain_angle(const TomlTable& table, double otherwise) {
     const double degrees =
         table.optional_number("grain_angle_deg", kGrainAngle).value_or(otherwise);
-    return degrees * std::numbers::pi / 180;
+    return degrees * kDegree;
   }
 
   void read_fixture(const TomlTable& table) {
@@ -246,6 +251,10 @@ class MechanicalReader {
       read_cantilever();
       return;
     }
+    if (test == "picture-frame") {
+      read_picture_frame();
+      return;
+    }
     const TomlTable specimen = file_.table("specimen");
     const double free_length = specimen.number("free_length", kSwatchSide);
     const Specimen size = read_specimen(specimen, free_length, test == "bias-extension" ? 45 : 0);
@@ -253,13 +262,63 @@ class MechanicalReader {
     const TableFile& file = table_file(curve, "file");
     const VecX displacement =
         curve_column(curve, "displacement", file) * length_factor(curve, "displacement_unit");
-    const VecX force = curve_column(curve, "force", file) *
-                       unit_factor(curve, "force_unit",
-                                   {{"N", 1}, {"mN", 1e-3}, {"cN", 1e-2}, {"gf", 9.80665e-3}});
+    const VecX force =
+        curve_column(curve, "force", file) * unit_factor(curve, "force_unit", kForceUnits);
     curve.finish();
-    if (displacement.size() == 0) throw error_at({file.path(), 0, {}}, "no rows below the header");
+    check_has_rows(file);
     take(strip_capture(size, displacement, force));
     sources_.assign(2, {curve.where("displacement"), curve.where("displacement")});
+  }
+
+  static void check_has_rows(const TableFile& file) {
+    if (file.row_count() == 0) throw error_at({file.path(), 0, {}}, "no rows below the header");
+  }
+
+  /// A square that a frame of bars shears; the force is that of the crosshead.
+  void read_picture_frame() {
+    if (file_.has("clip_noise"))
+      throw error_at(file_.where("clip_noise"),
+                     "not valid for a picture frame, whose bars are joined by hinges");
+    const TomlTable table = file_.table("specimen");
+    Specimen size;
+    size.width = size.free_length = table.number("side", kSwatchSide);
+    PictureFrame frame;
+    frame.side = table.number("frame_side", {size.width, kSwatchSide.upper});
+    size.areal_density = table.number("areal_density", kArealDensity);
+    size.grain_angle = read_grain_angle(table, 0);
+    table.finish();
+    const TomlTable curve = file_.table("curve");
+    const TableFile& file = table_file(curve, "file");
+    frame.shear = shear_of_frame(curve, file, frame.side);
+    const VecX force =
+        curve_column(curve, "force", file) * unit_factor(curve, "force_unit", kForceUnits);
+    curve.finish();
+    check_has_rows(file);
+    take(picture_frame_capture(size, std::move(frame), force));
+  }
+
+  /// From the column of one or the other, rad.
+  static VecX shear_of_frame(const TomlTable& curve, const TableFile& file, double side) {
+    if (curve.has("displacement") == curve.has("shear_angle"))
+      throw error_at(curve.where(), "either displacement or shear_angle is needed");
+    const bool angles = curve.has("shear_angle");
+    const std::string_view key = angles ? "shear_angle" : "displacement";
+    const double unit = angles ? unit_factor(curve, "shear_angle_unit", kAngleUnits)
+                               : length_factor(curve, "displacement_unit");
+    VecX values = curve_column(curve, key, file) * unit;
+    const double most = angles ? most_frame_shear : frame_displacement(side, most_frame_shear);
+    const double least = angles ? -most : frame_displacement(side, -most_frame_shear);
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+      if (values[i] >= least && values[i] <= most) {
+        if (!angles) values[i] = frame_shear(side, values[i]);
+        continue;
+      }
+      throw file.fail(static_cast<std::size_t>(i), curve.string(key),
+                      fmt::format("{:g} {} is out of range; must be in [{:g}, {:g}], a shear of "
+                                  "-80 to 80 degrees",
+                                  values[i], angles ? "rad" : "m", least, most));
+    }
+    return values;
   }
 
   /// A strip in a clip, with the profile of its line as the measured shape.
@@ -276,7 +335,7 @@ class MechanicalReader {
     table.finish();
     const Profile profile = read_profile(file.path());
     size.free_length = profile.arc[profile.arc.size() - 1];
-    take(cantilever_capture(size, degrees * std::numbers::pi / 180, profile.at.col(0)));
+    take(cantilever_capture(size, degrees * kDegree, profile.at.col(0)));
     sources_.assign(1, {table.where("file"), table.where("file")});
     capture_.geometry = GeometryFiles{file.path(), file.path()};
   }

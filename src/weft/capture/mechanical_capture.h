@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "weft/capture/picture_frame.h"
 #include "weft/dynamics/clips.h"
 
 namespace weft {
@@ -54,6 +55,10 @@ struct MechanicalCapture {
   /// clip's longer side, of a component of its rotation (rad). 0: poses count as exact.
   double clip_noise = 0;
   std::vector<MechanicalFixture> fixtures;
+  /// Of a picture frame, which has one fixture. Its clip holds all of the fabric, which is not
+  /// rigid then but evenly sheared (frame_threads), about the clip's position. Its force is that of
+  /// the crosshead, along x.
+  std::optional<PictureFrame> picture_frame;
   std::optional<GeometryFiles> geometry;
   /// Notes on the true parameters; nothing here reads them.
   std::optional<std::filesystem::path> truth;

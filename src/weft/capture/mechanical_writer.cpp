@@ -111,6 +111,7 @@ std::string write_geometry(const std::filesystem::path& folder, const MeasuredGe
 void check(const std::filesystem::path& folder, const MechanicalCapture& capture,
            const MechanicalFiles& files) {
   const auto refuse = [&](const std::string& what) { throw error_at({folder, 0, {}}, what); };
+  if (capture.picture_frame) refuse("a picture frame has no general form to write");
   for (const MechanicalFixture& fixture : capture.fixtures) {
     if (fixture.frames.size() != at(capture.frame_count))
       refuse(fmt::format("fixture \"{}\" has {} frames; the capture has {}", fixture.name,

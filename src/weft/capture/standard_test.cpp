@@ -35,6 +35,12 @@ MechanicalFixture jaw(const std::string& name, const MaterialRectangle& region, 
   return fixture;
 }
 
+Points along_the_pull(const VecX& force) {
+  Points forces = Points::Constant(3, force.size(), kNotMeasured);
+  forces.row(0) = force.transpose();
+  return forces;
+}
+
 }  // namespace
 
 MechanicalCapture strip_capture(const Specimen& specimen, const VecX& displacement,
@@ -46,9 +52,22 @@ MechanicalCapture strip_capture(const Specimen& specimen, const VecX& displaceme
   capture.fixtures.push_back(
       jaw("moving jaw", {{capture.width - kNominalClipDepth, 0}, {capture.width, capture.height}},
           displacement));
-  Points& forces = capture.fixtures.back().forces;
-  forces = Points::Constant(3, force.size(), kNotMeasured);
-  forces.row(0) = force.transpose();
+  capture.fixtures.back().forces = along_the_pull(force);
+  return capture;
+}
+
+MechanicalCapture picture_frame_capture(const Specimen& specimen, PictureFrame frame,
+                                        const VecX& force) {
+  MechanicalCapture capture = without_fixtures(specimen, 0, static_cast<int>(force.size()));
+  capture.gravity = Vec3::Zero();
+  MechanicalFixture fixture;
+  fixture.name = "frame";
+  Clip clip;
+  clip.region = {{0, 0}, {capture.width, capture.height}};
+  fixture.frames.assign(static_cast<std::size_t>(force.size()), clip);
+  fixture.forces = along_the_pull(force);
+  capture.fixtures.push_back(std::move(fixture));
+  capture.picture_frame = std::move(frame);
   return capture;
 }
 

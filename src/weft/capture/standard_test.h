@@ -28,6 +28,11 @@ struct Specimen {
 MechanicalCapture strip_capture(const Specimen& specimen, const VecX& displacement,
                                 const VecX& force);
 
+/// A square of `specimen.width`, whose free length is the same, that a frame of bars shears,
+/// without gravity. `force`: of the crosshead, N, one a frame.
+MechanicalCapture picture_frame_capture(const Specimen& specimen, PictureFrame frame,
+                                        const VecX& force);
+
 /// A strip in a clamp that points `clamp_angle` (rad) below the horizontal, under gravity. `root`:
 /// where it leaves the clamp, (x, z), m. No forces.
 MechanicalCapture cantilever_capture(const Specimen& specimen, double clamp_angle,

@@ -154,6 +154,10 @@ void add_trial(ContentHash& hash, const MechanicalTrial& trial) {
   hash.add(capture.gravity);
   hash.add(capture.frame_count);
   if (capture.clip_noise > 0) hash.add(capture.clip_noise);
+  if (capture.picture_frame) {
+    hash.add(capture.picture_frame->side);
+    hash.add(capture.picture_frame->shear);
+  }
   hash.add(capture.fixtures.size());
   for (const MechanicalFixture& fixture : capture.fixtures) {
     for (const Clip& clip : fixture.frames) {

@@ -707,8 +707,15 @@ class CurveFitter {
   bool stopped_ = false;
 };
 
-/// Green strain of the affine map nearest to where a frame's clips have their corners, along the
-/// threads: (E_uu, E_vv, 2 E_uv).
+/// Green strain along the threads, (E_uu, E_vv, 2 E_uv), of an even deformation.
+Vec3 strain_of_threads(const Eigen::Matrix<double, 3, 2>& deformation, double grain_angle) {
+  const Eigen::Matrix<double, 3, 2> f =
+      deformation * Eigen::Rotation2Dd(grain_angle).toRotationMatrix();
+  return {0.5 * (f.col(0).squaredNorm() - 1), 0.5 * (f.col(1).squaredNorm() - 1),
+          f.col(0).dot(f.col(1))};
+}
+
+/// That of the affine map nearest to where a frame's clips have their corners.
 Vec3 strain_of_clips(const std::vector<Clip>& clips, double grain_angle) {
   const auto count = static_cast<Eigen::Index>(4 * clips.size());
   Eigen::MatrixX3d from(count, 3);
@@ -723,10 +730,13 @@ Vec3 strain_of_clips(const std::vector<Clip>& clips, double grain_angle) {
     }
   }
   const Mat3 map = from.colPivHouseholderQr().solve(to).transpose();
-  const Eigen::Matrix<double, 3, 2> f =
-      map.leftCols<2>() * Eigen::Rotation2Dd(grain_angle).toRotationMatrix();
-  return {0.5 * (f.col(0).squaredNorm() - 1), 0.5 * (f.col(1).squaredNorm() - 1),
-          f.col(0).dot(f.col(1))};
+  return strain_of_threads(map.leftCols<2>(), grain_angle);
+}
+
+Vec3 strain_of_frame(const MechanicalCapture& capture, int frame) {
+  if (!capture.picture_frame) return strain_of_clips(capture.clips(frame), capture.grain_angle);
+  return strain_of_threads(frame_threads(capture.picture_frame->shear[frame]).along,
+                           capture.grain_angle);
 }
 
 /// From the clip to the side on which most free cloth lies, in material coordinates.
@@ -752,7 +762,7 @@ std::string_view name_of(IsolatedStrain strain) {
 }
 
 IsolatedStrain isolated_strain(const MechanicalCapture& capture) {
-  if (capture.fixtures.size() == 1) {
+  if (capture.fixtures.size() == 1 && !capture.picture_frame) {
     const Vec2 direction = Eigen::Rotation2Dd(-capture.grain_angle) *
                            overhang_direction(capture.fixtures[0].frames.back().region,
                                               Vec2(capture.width, capture.height));
@@ -761,7 +771,7 @@ IsolatedStrain isolated_strain(const MechanicalCapture& capture) {
   }
   Vec3 most = Vec3::Zero();
   for (int frame = 0; frame < capture.frame_count; ++frame)
-    most = most.cwiseMax(strain_of_clips(capture.clips(frame), capture.grain_angle).cwiseAbs());
+    most = most.cwiseMax(strain_of_frame(capture, frame).cwiseAbs());
   if (most[2] >= most[0] && most[2] >= most[1]) return IsolatedStrain::shear;
   return most[0] >= most[1] ? IsolatedStrain::weft_stretch : IsolatedStrain::warp_stretch;
 }

@@ -41,7 +41,8 @@ enum class IsolatedStrain { weft_stretch, warp_stretch, shear, weft_bend, warp_b
 std::string_view name_of(IsolatedStrain strain);
 /// By the motion of the clips alone. A single clip: a bend along the threads nearest to the
 /// direction in which most free cloth lies. Otherwise the largest component, over all frames, of
-/// the Green strain (twice its off-diagonal) of the affine map nearest to the clips' corners.
+/// the Green strain (twice its off-diagonal) of the affine map nearest to the clips' corners, or of
+/// that of a picture frame.
 IsolatedStrain isolated_strain(const MechanicalCapture& capture);
 
 struct CurveFitOptions {

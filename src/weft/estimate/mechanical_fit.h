@@ -39,7 +39,8 @@ enum class MechanicalForces {
   all,
   /// That along the long side of the clip, where all three were measured: in an even shear it is of
   /// the shear alone, while the one across is of the stretch (Miguel et al. 2012, section 5.1). All
-  /// of a capture that has no such force, as a bias extension, of which the pull is measured.
+  /// of a capture that has no such force, as of a bias extension or a picture
+  /// frame, of which the pull is measured.
   along_clips
 };
 

@@ -73,7 +73,10 @@ std::array<StrainSample, 5> strain_samples(const MechanicalTrial& trial,
     for (const MechanicalFrame& frame : frames) {
       if (trial.stage_of_frame[at(frame.frame)] != static_cast<int>(s) || !frame.converged)
         continue;
-      const auto clip_of = clip_of_vertices(stage.mesh, trial.capture.clips(frame.frame));
+      // What a picture frame holds is not rigid.
+      const auto clip_of = trial.capture.picture_frame
+                               ? std::vector<int>(at(stage.mesh.vertex_count()), -1)
+                               : clip_of_vertices(stage.mesh, trial.capture.clips(frame.frame));
       Sampler sampler(clip_of, frame.x, samples);
       sampler.add_strains(mesh);
       sampler.add_curvatures(plates);

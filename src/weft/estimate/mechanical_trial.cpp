@@ -211,6 +211,42 @@ struct History {
   MatX derivative;  ///< empty without derivatives
 };
 
+/// The history after a frame at x, with d x / d parameters.
+void advance(const ElasticModel& model, const Points& x, const MatX& x_derivative,
+             History& history) {
+  if (history.derivative.size() == 0)
+    history.derivative = MatX::Zero(model.history_size(), x_derivative.cols());
+  history.derivative = model.next_history_derivative(x, x_derivative, history.derivative);
+}
+
+/// Of a picture frame. `history` is that of the frame before, its derivative then of this one.
+MechanicalFrame sheared_frame(const MechanicalTrial& trial, int frame, const ElasticModel& model,
+                              MechanicalDerivatives derivatives, History& history) {
+  const PictureFrame& bars = *trial.capture.picture_frame;
+  const FrameThreads threads = frame_threads(bars.shear[frame]);
+  const Clip& clip = trial.capture.fixtures.front().frames[at(frame)];
+  const MaterialPoints arms = model.mesh().material.colwise() - clip.region.center();
+  const Points moves = threads.rate * arms / frame_displacement_rate(bars.side, bars.shear[frame]);
+  MechanicalFrame result;
+  result.frame = frame;
+  result.converged = true;
+  result.x = (threads.along * arms).colwise() + clip.position;
+  Points gradient;
+  model.gradient(result.x, gradient);
+  result.forces = result.torques = Points::Zero(3, 1);
+  result.forces(0, 0) = gradient.cwiseProduct(moves).sum();
+  if (derivatives != MechanicalDerivatives::all) return result;
+  MatX by_parameters;
+  model.parameter_derivative(result.x, by_parameters);
+  if (history.derivative.size() > 0)
+    model.add_history_derivative(result.x, history.derivative, by_parameters);
+  result.force_derivative = MatX::Zero(3, by_parameters.cols());
+  result.force_derivative.row(0) = flat(moves).transpose() * by_parameters;
+  if (model.history_size() > 0)
+    advance(model, result.x, MatX::Zero(result.x.size(), by_parameters.cols()), history);
+  return result;
+}
+
 /// `models` are the trial's; with internal friction they are this thread's alone. `history` is that
 /// of the frame before, then of this one.
 MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
@@ -224,6 +260,11 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
   const bool remembers = model->history_size() > 0;
   if (history.stage != stage_index) history = {stage_index, first_history, {}};
   if (remembers) model->set_history(history.values);
+  if (capture.picture_frame) {
+    MechanicalFrame result = sheared_frame(trial, frame, *model, derivatives, history);
+    if (remembers) history.values = model->next_history(result.x);
+    return result;
+  }
   const HeavyCloth cloth(*model, capture.areal_density, capture.gravity);
   ClippedCloth clipped(cloth, capture.clips(frame));
   StaticOptions statics = trial.options.statics;
@@ -242,11 +283,7 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
   }
   if (derivatives == MechanicalDerivatives::all) {
     ClipSensitivities s = clipped.sensitivities(found.x, history.derivative);
-    if (remembers) {
-      if (history.derivative.size() == 0)
-        history.derivative = MatX::Zero(model->history_size(), s.x.cols());
-      history.derivative = model->next_history_derivative(found.x, s.x, history.derivative);
-    }
+    if (remembers) advance(*model, found.x, s.x, history);
     if (trial.geometry) result.point_derivative = stage.points * s.x;
     result.force_derivative = std::move(s.forces);
     result.inexact = s.inexact;
@@ -338,7 +375,10 @@ std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCaptur
     if (found == seen.end()) {
       seen.push_back(regions);
       MechanicalStage& stage = trial->stages.emplace_back();
-      stage.mesh = make_mesh(regions, Vec2(capture.width, capture.height), options);
+      stage.mesh = capture.picture_frame
+                       ? make_swatch(capture.width, capture.height, options.cells + 1,
+                                     options.cells + 1, options.pattern)
+                       : make_mesh(regions, Vec2(capture.width, capture.height), options);
       clip_of_vertices(stage.mesh, capture.clips(frame));  // throws if they do not fit
       if (trial->geometry) add_points(*trial->geometry, regions, stage);
     }

@@ -28,6 +28,8 @@ struct MechanicalOptions {
 /// tenth of the distance. Where a clip reaches across the whole swatch its border has a second line
 /// beside it, inside the clip, close to it: the bend at a line belongs to half of the cells on both
 /// of its sides (bending.h), of which none should lie in the clip.
+///
+/// In a picture frame cells are of equal size.
 struct MechanicalStage {
   TriangleMesh mesh;
   std::vector<int> frames;
@@ -65,7 +67,7 @@ struct MechanicalFrame {
   double residual = 0;  ///< N, largest net force on a free vertex
   int iterations = 0;
   Points x;               ///< of the stage's mesh, m
-  Points forces;          ///< of the clips on the cloth, 3 x fixtures, N
+  Points forces;          ///< of the clips on the cloth, or of a crosshead, 3 x fixtures, N
   Points torques;         ///< about the clips' positions, 3 x fixtures, N m
   Points points;          ///< at the measured points, m; no columns without a measured shape
   MatX point_derivative;  ///< 3 points x parameters; empty if not asked for
@@ -86,8 +88,14 @@ using MechanicalFrames = std::vector<std::vector<MechanicalFrame>>;
 /// from it; otherwise the first starts between the clips (blend_of_clips) and each later one where
 /// the one before ended, moved along with the clips. A frame without equilibrium holds what was
 /// reached. Internal friction goes along from frame to frame, from flat before the first; where the
-/// clips hold other regions than before, and so on another mesh, it starts from flat again. Results
-/// do not depend on the number of threads. Throws Error where the model refuses the values.
+/// clips hold other regions than before, and so on another mesh, it starts from flat again.
+///
+/// In a picture frame all vertices are where the bars have them in an even shear, at which sheets
+/// are at rest on any mesh: flat, as threads are that the clamps keep taut. Other equilibria, those
+/// with wrinkles, are not looked for. The force is the derivative of the energy by the way of the
+/// crosshead.
+///
+/// Results do not depend on the number of threads. Throws Error where the model refuses the values.
 MechanicalFrames simulate_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
     MechanicalDerivatives derivatives = MechanicalDerivatives::none, int threads = 0,
