@@ -93,47 +93,18 @@ Fabric isotropic(double bending_length) {
   return fabric;
 }
 
-struct Simulated {
-  double bending_length = 0;
-  Statistics coefficient, lobes;
-  int failed = 0;
-};
-Simulated simulated(double bending_length, int starts, const DrapeOptions& options) {
-  Simulated out;
-  out.bending_length = bending_length;
-  std::vector<double> coefficient, lobes;
-  for (const DrapeShape& shape :
-       sample_drapes(isotropic(bending_length), kDensity, starts, options)) {
-    if (!shape.converged) ++out.failed;
-    coefficient.push_back(shape.shadow.coefficient);
-    lobes.push_back(shape.shadow.lobes);
-  }
-  out.coefficient = statistics(coefficient);
-  out.lobes = statistics(lobes);
-  return out;
+/// `bend` is the bending length, m.
+DrapePoint simulated(double bending_length, int starts, const DrapeOptions& options) {
+  return {bending_length,
+          drape_statistics(sample_drapes(isotropic(bending_length), kDensity, starts, options))};
 }
 
-void print(const Simulated& s) {
-  fmt::print("  {:>6.1f} {:>8.3f} {:>7.3f} {:>7.2f} {:>6.2f} {:>6}\n", 1e3 * s.bending_length,
+void print(const DrapePoint& point) {
+  const DrapeStatistics& s = point.drapes;
+  fmt::print("  {:>6.1f} {:>8.3f} {:>7.3f} {:>7.2f} {:>6.2f} {:>6}\n", 1e3 * point.bend,
              s.coefficient.mean, s.coefficient.deviation, s.lobes.mean, s.lobes.deviation,
-             s.failed);
+             s.not_converged);
   std::fflush(stdout);
-}
-
-/// Between the two neighbours in drape coefficient.
-Simulated interpolated(const std::vector<Simulated>& table, double coefficient) {
-  for (std::size_t i = 1; i < table.size(); ++i) {
-    const Simulated &a = table[i - 1], &b = table[i];
-    if (coefficient > b.coefficient.mean && i + 1 < table.size()) continue;
-    const double t = (coefficient - a.coefficient.mean) / (b.coefficient.mean - a.coefficient.mean);
-    const auto mix = [t](double x, double y) { return x + t * (y - x); };
-    Simulated out;
-    out.bending_length = mix(a.bending_length, b.bending_length);
-    out.coefficient = {coefficient, mix(a.coefficient.deviation, b.coefficient.deviation)};
-    out.lobes = {mix(a.lobes.mean, b.lobes.mean), mix(a.lobes.deviation, b.lobes.deviation)};
-    return out;
-  }
-  return table.back();
 }
 
 }  // namespace
@@ -143,7 +114,7 @@ void study_cusick(const StudyFolders& folders) {
       "simulated, {} starts each, isotropic bend, stvk membrane of the defaults: bending "
       "length (mm), coefficient, deviation, lobes, deviation, without equilibrium\n",
       kStarts);
-  std::vector<Simulated> table;
+  std::vector<DrapePoint> table;
   for (const double c : {0.007, 0.0095, 0.012, 0.015, 0.018, 0.021, 0.024, 0.028, 0.033}) {
     table.push_back(simulated(c, kStarts, {}));
     print(table.back());
@@ -172,17 +143,17 @@ void study_cusick(const StudyFolders& folders) {
     const Statistics fitted = statistics(measured.fitted.coefficient);
     const Statistics others = statistics(measured.others.coefficient);
     const Statistics lobes = statistics(measured.others.lobes);
-    const Simulated found = interpolated(table, fitted.mean);
+    const DrapePoint found = drape_at(table, fitted.mean);
     const VecX repeats =
         VecX::Map(measured.repeats.data(), static_cast<Eigen::Index>(measured.repeats.size()));
     fmt::print(
         "  {}: {:.3f} {:.3f}  {:>5.1f}  {:.3f} {:.3f} {:.3f} {:+.3f}  {:.3f}  {:>5.2f} {:.2f}  "
         "{:>5.2f} {:.2f}{}\n",
-        fabric, fitted.mean, fitted.deviation, 1e3 * found.bending_length, others.mean,
-        others.deviation, rms(repeats), statistics(measured.sides).mean,
-        found.coefficient.deviation, lobes.mean, lobes.deviation, found.lobes.mean,
-        found.lobes.deviation,
-        fitted.mean < table.front().coefficient.mean ? "  (limper than what was simulated)" : "");
+        fabric, fitted.mean, fitted.deviation, 1e3 * found.bend, others.mean, others.deviation,
+        rms(repeats), statistics(measured.sides).mean, found.drapes.coefficient.deviation,
+        lobes.mean, lobes.deviation, found.drapes.lobes.mean, found.drapes.lobes.deviation,
+        fitted.mean < table.front().drapes.coefficient.mean ? "  (limper than what was simulated)"
+                                                            : "");
     PlotSeries points;
     points.name = fmt::format("fabric {}", fabric);
     points.mark = PlotSeries::Mark::points;
@@ -194,7 +165,8 @@ void study_cusick(const StudyFolders& folders) {
   line.name = "simulated, with deviation";
   line.colour = 0;
   line.mark = PlotSeries::Mark::line_and_points;
-  for (const Simulated& s : table) {
+  for (const DrapePoint& point : table) {
+    const DrapeStatistics& s = point.drapes;
     line.x.push_back(s.coefficient.mean);
     line.y.push_back(s.lobes.mean);
     line.lower.push_back(s.lobes.mean - s.lobes.deviation);

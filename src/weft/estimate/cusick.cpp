@@ -10,6 +10,7 @@
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
 #include "weft/estimate/mechanical_trial.h"
+#include "weft/estimate/uncertainty.h"
 #include "weft/mesh/annulus.h"
 #include "weft/model/elastic_model.h"
 
@@ -19,6 +20,10 @@ namespace {
 constexpr int kDirectionsAround = 360;
 constexpr double kShadowPixel = 2.5e-4;  // m
 constexpr int kLeastFolds = 2, kMostFolds = 12;
+const double kBracketStep = std::log(4.0);
+constexpr double kBoard = 0.95;  // above, pixels hide what the bend does
+constexpr double kNearCoefficient = 1e-3, kNearFactor = 0.02;  // where a search ends
+constexpr double kNearEnd = 0.1;  // that of an end of the interval, of half of it
 
 void check(const DrapeTest& test) {
   if (test.support > 0 && test.radius > test.support && std::isfinite(test.radius)) return;
@@ -92,6 +97,127 @@ Points start_of(const TriangleMesh& mesh, const DrapeOptions& options) {
     x.col(k) = Vec3(uv.x(), uv.y(), scale * out * out * height);
   }
   return x;
+}
+
+DrapeStatistics::Number number_of(const VecX& values) {
+  const double mean = values.mean(), n = static_cast<double>(values.size());
+  if (values.size() < 2) return {mean, std::numeric_limits<double>::quiet_NaN()};
+  return {mean, std::sqrt((values.array() - mean).square().sum() / (n - 1))};
+}
+
+/// The second of the two points between which the coefficient is, or is looked for.
+std::size_t upper_neighbour(const std::vector<DrapePoint>& points, double coefficient) {
+  std::size_t i = 1;
+  while (i + 1 < points.size() && points[i].drapes.coefficient.mean < coefficient) ++i;
+  return i;
+}
+
+bool is_bend(const Fabric& fabric, Eigen::Index i) {
+  return fabric.info(static_cast<int>(i)).unit == "N m";
+}
+
+/// All constants of bend times `factor`, within their ranges.
+Fabric with_bend(const Fabric& fabric, double factor) {
+  Fabric result = fabric;
+  for (Eigen::Index i = 0; i < result.values.size(); ++i) {
+    if (!is_bend(fabric, i)) continue;
+    const ParameterInfo info = fabric.info(static_cast<int>(i));
+    double& value = result.values[i];
+    const double least = std::min(info.lower, value), most = std::max(info.upper, value);
+    value = std::clamp(factor * value, least, most);
+  }
+  return result;
+}
+
+/// Whether a limper fabric still hangs lower, or is as good as a board.
+bool is_further(const DrapeStatistics& limper, const DrapeStatistics& before) {
+  if (2 * limper.not_converged > limper.count) return false;
+  return limper.coefficient.mean < before.coefficient.mean || before.coefficient.mean > kBoard;
+}
+
+/// Means of the coefficient by the logarithm of the factor, simulated as they are needed.
+class DrapeSearch {
+ public:
+  DrapeSearch(const Fabric& fabric, double areal_density, const DrapeFitOptions& options)
+      : fabric_(fabric), areal_density_(areal_density), options_(options) {
+    double largest = 0;
+    for (Eigen::Index i = 0; i < fabric.values.size(); ++i) {
+      if (!is_bend(fabric, i) || !(fabric.values[i] > largest)) continue;
+      const ParameterInfo info = fabric.info(static_cast<int>(i));
+      largest = fabric.values[i];
+      least_ = std::min(0.0, std::log(info.lower / largest));
+      most_ = std::max(0.0, std::log(info.upper / largest));
+    }
+    if (!(largest > 0)) throw Error("drape: the fabric has no bend to scale");
+    points_.push_back(simulated(0));
+  }
+
+  const std::vector<DrapePoint>& points() const { return points_; }
+
+  DrapePoint simulated(double bend) const {
+    return {bend,
+            drape_statistics(sample_drapes(with_bend(fabric_, std::exp(bend)), areal_density_,
+                                           options_.starts, options_.drape, options_.threads))};
+  }
+
+  DrapeFit::Reach reach(double coefficient) {
+    while (!(points_.front().drapes.coefficient.mean < coefficient)) {
+      if (!(points_.front().bend > least_)) return DrapeFit::Reach::below;
+      const DrapePoint limper = simulated(std::max(least_, points_.front().bend - kBracketStep));
+      if (!is_further(limper.drapes, points_.front().drapes))
+        least_ = points_.front().bend;
+      else
+        points_.insert(points_.begin(), limper);
+    }
+    while (points_.back().drapes.coefficient.mean < coefficient) {
+      if (!(points_.back().bend < most_)) return DrapeFit::Reach::above;
+      points_.push_back(simulated(std::min(most_, points_.back().bend + kBracketStep)));
+    }
+    return DrapeFit::Reach::inside;
+  }
+
+  /// Of a coefficient inside, to `near` in it.
+  double solve(double coefficient, double near = kNearCoefficient) {
+    for (bool halve = false;; halve = !halve) {
+      const std::size_t i = upper_neighbour(points_, coefficient);
+      const DrapePoint &a = points_[i - 1], &b = points_[i];
+      const double width = b.bend - a.bend;
+      const double expected = drape_at(points_, coefficient).bend;
+      const auto off = [&](const DrapePoint& point) {
+        return std::abs(point.drapes.coefficient.mean - coefficient);
+      };
+      if (width < kNearFactor || std::min(off(a), off(b)) < near) return expected;
+      const double next = halve ? 0.5 * (a.bend + b.bend)
+                                : std::clamp(expected, a.bend + 0.1 * width, b.bend - 0.1 * width);
+      points_.insert(points_.begin() + static_cast<std::ptrdiff_t>(i), simulated(next));
+    }
+  }
+
+ private:
+  const Fabric& fabric_;
+  double areal_density_;
+  const DrapeFitOptions& options_;
+  double least_ = 0, most_ = 0;
+  std::vector<DrapePoint> points_;
+};
+
+/// Half of the interval of a coefficient.
+double half_interval(const DrapeStatistics& drapes, const DrapeFitOptions& options) {
+  const double n = drapes.count, s = drapes.coefficient.deviation;
+  const double t = student_quantile(0.5 * (1 + options.confidence), n - 1);
+  return t * std::hypot(s / std::sqrt(n), options.deviation.value_or(s));
+}
+
+void check(double coefficient, const DrapeFitOptions& options) {
+  const auto require = [](bool valid, std::string_view what, double value, std::string_view range) {
+    if (!valid) throw Error(fmt::format("drape: {} is {:g}, must be {}", what, value, range));
+  };
+  require(coefficient > 0 && coefficient < 1, "the coefficient", coefficient, "in (0, 1)");
+  require(options.starts >= 2, "the number of starts", options.starts, "2 or more");
+  require(options.confidence > 0 && options.confidence < 1, "the confidence", options.confidence,
+          "in (0, 1)");
+  const double deviation = options.deviation.value_or(0);
+  require(deviation >= 0 && std::isfinite(deviation), "the deviation", deviation, "0 or more");
 }
 
 }  // namespace
@@ -219,6 +345,60 @@ std::vector<DrapeShape> sample_drapes(const Fabric& fabric, double areal_density
     shapes[i] = simulate_drape(fabric, areal_density, own);
   });
   return shapes;
+}
+
+DrapeStatistics drape_statistics(const std::vector<DrapeShape>& drapes) {
+  if (drapes.empty()) throw Error("drape: statistics of no drapes");
+  const auto n = static_cast<Eigen::Index>(drapes.size());
+  DrapeStatistics result;
+  VecX coefficients(n), lobes(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const DrapeShape& drape = drapes[static_cast<std::size_t>(i)];
+    coefficients[i] = drape.shadow.coefficient;
+    lobes[i] = drape.shadow.lobes;
+    if (!drape.converged) ++result.not_converged;
+  }
+  result.count = static_cast<int>(n);
+  result.coefficient = number_of(coefficients);
+  result.lobes = number_of(lobes);
+  return result;
+}
+
+DrapePoint drape_at(const std::vector<DrapePoint>& points, double coefficient) {
+  if (points.size() < 2) throw Error("drape: two points or more are needed to look between");
+  const std::size_t i = upper_neighbour(points, coefficient);
+  const DrapePoint &a = points[i - 1], &b = points[i];
+  const DrapeStatistics &x = a.drapes, &y = b.drapes;
+  const double t = (coefficient - x.coefficient.mean) / (y.coefficient.mean - x.coefficient.mean);
+  const auto mix = [t](double from, double to) { return from + t * (to - from); };
+  DrapePoint result{mix(a.bend, b.bend), {}};
+  result.drapes.coefficient = {coefficient, mix(x.coefficient.deviation, y.coefficient.deviation)};
+  result.drapes.lobes = {mix(x.lobes.mean, y.lobes.mean),
+                         mix(x.lobes.deviation, y.lobes.deviation)};
+  return result;
+}
+
+DrapeFit fit_drape(const Fabric& fabric, double areal_density, double coefficient,
+                   const DrapeFitOptions& options) {
+  check(coefficient, options);
+  DrapeSearch search(fabric, areal_density, options);
+  DrapeFit fit;
+  fit.reach = search.reach(coefficient);
+  double bend = search.points().front().bend;
+  if (fit.reach == DrapeFit::Reach::inside) bend = search.solve(coefficient);
+  if (fit.reach == DrapeFit::Reach::above) bend = search.points().back().bend;
+  fit.factor = std::exp(bend);
+  fit.fabric = with_bend(fabric, fit.factor);
+  fit.drapes = search.simulated(bend).drapes;
+  const double half = half_interval(fit.drapes, options);
+  const auto has = [&](double c) {
+    return c > 0 && c < 1 && search.reach(c) == DrapeFit::Reach::inside;
+  };
+  const double near = std::max(kNearCoefficient, kNearEnd * half);
+  if (has(coefficient - half)) fit.lower = std::exp(search.solve(coefficient - half, near));
+  if (has(coefficient + half)) fit.upper = std::exp(search.solve(coefficient + half, near));
+  fit.points = search.points();
+  return fit;
 }
 
 }  // namespace weft
