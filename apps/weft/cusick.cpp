@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -19,7 +20,7 @@ namespace {
 
 struct Arguments {
   std::string fabric, shadow, out;
-  std::optional<double> areal_density, pixel;
+  std::optional<double> areal_density, pixel, fit, fit_deviation;
   int starts = 6, threads = 0;
   DrapeOptions options;
   bool json = false;
@@ -40,39 +41,91 @@ nlohmann::json measured(const Arguments& arguments) {
   return to_json(shadow_of(mask, *arguments.pixel, arguments.options.test));
 }
 
-nlohmann::json simulated(const Arguments& arguments) {
-  const Fabric fabric = find_fabric(arguments.fabric);
+double density_of(const Arguments& arguments, const Fabric& fabric) {
   const std::optional<double> density =
       arguments.areal_density ? arguments.areal_density : fabric.areal_density;
   if (!density) throw Error("--areal-density: needed, the fabric has none");
-  const auto shapes =
-      sample_drapes(fabric, *density, arguments.starts, arguments.options, arguments.threads);
-  nlohmann::json drapes = nlohmann::json::array();
-  double sum = 0, squares = 0, lobes = 0;
-  int failed = 0;
+  return *density;
+}
+
+nlohmann::json number_or_null(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
+}
+
+nlohmann::json to_json(const DrapeStatistics& drapes) {
+  return {{"drape_coefficient", drapes.coefficient.mean},
+          {"drape_coefficient_deviation", number_or_null(drapes.coefficient.deviation)},
+          {"lobes", drapes.lobes.mean},
+          {"not_converged", drapes.not_converged}};
+}
+
+nlohmann::json simulated(const Arguments& arguments) {
+  const Fabric fabric = find_fabric(arguments.fabric);
+  const auto shapes = sample_drapes(fabric, density_of(arguments, fabric), arguments.starts,
+                                    arguments.options, arguments.threads);
+  nlohmann::json result = to_json(drape_statistics(shapes));
   for (const DrapeShape& shape : shapes) {
-    drapes.push_back(to_json(shape.shadow));
-    drapes.back()["converged"] = shape.converged;
-    drapes.back()["net_force"] = shape.residual;
-    sum += shape.shadow.coefficient;
-    squares += shape.shadow.coefficient * shape.shadow.coefficient;
-    lobes += shape.shadow.lobes;
-    failed += shape.converged ? 0 : 1;
+    nlohmann::json drape = to_json(shape.shadow);
+    drape["converged"] = shape.converged;
+    drape["net_force"] = shape.residual;
+    result["drapes"].push_back(drape);
   }
-  const double n = arguments.starts, mean = sum / n;
-  nlohmann::json result = {{"drape_coefficient", mean},
-                           {"lobes", lobes / n},
-                           {"not_converged", failed},
-                           {"drapes", drapes}};
-  result["drape_coefficient_deviation"] =
-      n > 1 ? nlohmann::json(std::sqrt(std::max(0.0, (squares - n * mean * mean) / (n - 1))))
-            : nlohmann::json(nullptr);
   if (!arguments.out.empty())
     write_obj(arguments.out, shapes[0].mesh, shapes[0].x, "drape of " + fabric.name);
   return result;
 }
 
+Error out_of_reach(double measured, const DrapeFit& fit) {
+  const bool below = fit.reach == DrapeFit::Reach::below;
+  return Error(
+      fmt::format("--fit: {:g} is out of range; must be at {} {:.3f}, that of {:.3g} times the "
+                  "bend, the {} end "
+                  "of what can be simulated in its range",
+                  measured, below ? "least" : "most", fit.drapes.coefficient.mean, fit.factor,
+                  below ? "limp" : "stiff"));
+}
+
+/// The fabric whose drapes have the measured coefficient.
+nlohmann::json fitted(const Arguments& arguments) {
+  const Fabric start = find_fabric(arguments.fabric);
+  DrapeFitOptions options;
+  options.drape = arguments.options;
+  options.starts = arguments.starts;
+  options.deviation = arguments.fit_deviation;
+  options.threads = arguments.threads;
+  const double density = density_of(arguments, start), measured = *arguments.fit;
+  const DrapeFit fit = fit_drape(start, density, measured, options);
+  if (fit.reach != DrapeFit::Reach::inside) throw out_of_reach(measured, fit);
+  nlohmann::json result = to_json(fit.drapes);
+  result["measured"] = measured;
+  result["factor"] = fit.factor;
+  result["factor_lower"] = fit.lower;
+  result["factor_upper"] = number_or_null(fit.upper);
+  for (const std::string& name : start.value_names()) {
+    const double value = fit.fabric.value(name);
+    if (start.info(start.value_index(name)).unit == "N m") result["bend"][name] = value;
+  }
+  if (arguments.out.empty()) return result;
+  Fabric fabric = fit.fabric;
+  fabric.areal_density = density;
+  fabric.provenance +=
+      fmt::format("; bend times {:.4g} from a drape coefficient of {:g}", fit.factor, measured);
+  write_fabric(arguments.out, fabric);
+  return result;
+}
+
+void print_fit(const nlohmann::json& result) {
+  fmt::print("bend times {:.3g}, {:.3g} to {} (90 %)\n", result["factor"].get<double>(),
+             result["factor_lower"].get<double>(),
+             result["factor_upper"].is_null()
+                 ? "any"
+                 : fmt::format("{:.3g}", result["factor_upper"].get<double>()));
+  for (const auto& [name, value] : result["bend"].items())
+    fmt::print("  {:<18} {:.4g} N m\n", name, value.get<double>());
+}
+
 void print(const nlohmann::json& result) {
+  if (result.contains("factor")) print_fit(result);
   fmt::print("drape coefficient {:.3f}", result["drape_coefficient"].get<double>());
   if (result.contains("drape_coefficient_deviation") &&
       !result["drape_coefficient_deviation"].is_null())
@@ -86,6 +139,17 @@ void print(const nlohmann::json& result) {
                drape["converged"].get<bool>() ? "" : ", no equilibrium");
 }
 
+void check_fit(const Arguments& arguments) {
+  if (!arguments.fit) {
+    if (arguments.fit_deviation) throw Error("--fit-deviation: means nothing without --fit");
+    return;
+  }
+  if (arguments.fabric.empty()) throw Error("--fit: means nothing for a picture");
+  if (arguments.starts < 2) throw Error("--starts: must be 2 or more with --fit");
+  if (!arguments.out.empty() && std::filesystem::path(arguments.out).extension() != ".toml")
+    throw Error("--out: must end in .toml with --fit, which writes a fabric");
+}
+
 void run(const Arguments& arguments) {
   if (arguments.fabric.empty() == arguments.shadow.empty())
     throw Error("give either a fabric or --shadow");
@@ -93,8 +157,10 @@ void run(const Arguments& arguments) {
     if (arguments.fabric.empty()) throw Error("--out: means nothing for a picture");
     check_output_file(arguments.out);
   }
-  const nlohmann::json result =
-      arguments.fabric.empty() ? measured(arguments) : simulated(arguments);
+  check_fit(arguments);
+  const nlohmann::json result = arguments.fabric.empty() ? measured(arguments)
+                                : arguments.fit          ? fitted(arguments)
+                                                         : simulated(arguments);
   if (arguments.json)
     fmt::print("{}\n", result.dump(2));
   else
@@ -105,7 +171,9 @@ void run(const Arguments& arguments) {
 
 void add_cusick(CLI::App& app) {
   auto* command = app.add_subcommand(
-      "cusick", "drape coefficient and lobes: of a fabric, simulated, or of a shadow's picture");
+      "cusick",
+      "drape coefficient and lobes: of a fabric, simulated, or of a shadow's picture; or the bend "
+      "of a fabric from its coefficient");
   auto arguments = std::make_shared<Arguments>();
   DrapeOptions& options = arguments->options;
   command->add_option("fabric", arguments->fabric, "file or preset, of any model but springs");
@@ -141,11 +209,24 @@ void add_cusick(CLI::App& app) {
                       "is ground");
   command->add_option("--pixel", arguments->pixel, "m, of the picture")
       ->check(number_in(1e-6, 0.01));
-  command->add_option("--out", arguments->out, "the first drape as a mesh, .obj");
+  command
+      ->add_option("--fit", arguments->fit,
+                   "measured drape coefficient: find the factor of all constants of the fabric's "
+                   "bend with which the mean over the starts is the same")
+      ->check(number_in(1e-3, 0.9999));
+  command
+      ->add_option("--fit-deviation", arguments->fit_deviation,
+                   "standard deviation of the measured coefficient; default: it is of one drape, "
+                   "which scatters as the simulated ones do")
+      ->check(number_in(0, 1));
+  command->add_option("--out", arguments->out,
+                      "the first drape as a mesh, .obj; with --fit the fabric, .toml");
   command->add_flag("--json", arguments->json, "print JSON");
   command->footer(
       "Examples:\n  weft cusick fabric.toml --areal-density 0.15\n"
-      "  weft cusick --shadow drape.png --pixel 0.00138");
+      "  weft cusick --shadow drape.png --pixel 0.00138\n"
+      "  weft cusick base.toml --areal-density 0.15 --fit 0.62 --fit-deviation 0.02 --out "
+      "mine.toml");
   command->callback([arguments] { run(*arguments); });
 }
 

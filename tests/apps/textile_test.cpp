@@ -92,6 +92,44 @@ TEST_F(Textile, DrapeOfAFabricAndOfItsShadow) {
   EXPECT_EQ(measured["lobes"], 0);
 }
 
+// The coefficient gives the bend back on the same mesh from the same starts, but for the folds that
+// come and go: a mean of two drapes is the same for several bends that are some per cent apart.
+TEST_F(Textile, DrapeCoefficientGivesTheBend) {
+  Fabric fabric = Fabric::with_defaults("cloth", "baraff-witkin");
+  fabric.areal_density = 0.15;
+  fabric.set("bend_stiffness", 3e-5);
+  write_fabric(folder_ / "true.toml", fabric);
+  fabric.set("bend_stiffness", 6e-5);
+  write_fabric(folder_ / "start.toml", fabric);
+  const std::vector<std::string> coarse{"--starts", "2", "--rings", "4", "--sectors", "36"};
+  const auto with = [&](std::vector<std::string> words) {
+    words.insert(words.end(), coarse.begin(), coarse.end());
+    return words;
+  };
+  const double measured = json_of(with({"cusick", path("true.toml")}))["drape_coefficient"];
+  const auto result = json_of(with({"cusick", path("start.toml"), "--fit", std::to_string(measured),
+                                    "--fit-deviation", "0.01", "--out", path("found.toml")}));
+  EXPECT_NEAR(result["factor"], 0.5, 0.05);
+  EXPECT_LT(result["factor_lower"], 0.5);
+  EXPECT_GT(result["factor_upper"], 0.5);
+  EXPECT_NEAR(result["drape_coefficient"], measured, 0.003);
+  const Fabric found = read_fabric(path("found.toml"));
+  EXPECT_NEAR(found.value("bend_stiffness"), 6e-5 * result["factor"].get<double>(), 1e-12);
+  EXPECT_EQ(found.value("stretch_stiffness"), fabric.value("stretch_stiffness"));
+  EXPECT_THAT(found.provenance, HasSubstr("drape coefficient"));
+
+  const std::string start = path("start.toml");
+  EXPECT_THAT(refusal({"cusick", start, "--fit", "1.2"}), HasSubstr("--fit"));
+  EXPECT_THAT(refusal({"cusick", start, "--fit-deviation", "0.1"}), HasSubstr("without --fit"));
+  EXPECT_THAT(refusal({"cusick", start, "--fit", "0.5", "--starts", "1"}), HasSubstr("--starts"));
+  EXPECT_THAT(refusal({"cusick", start, "--fit", "0.5", "--out", path("x.obj")}),
+              HasSubstr(".toml"));
+  EXPECT_THAT(refusal({"cusick", "--shadow", path("x.png"), "--fit", "0.5"}),
+              HasSubstr("--fit: means nothing for a picture"));
+  EXPECT_THAT(refusal(with({"cusick", start, "--fit", "0.9999"})),
+              HasSubstr("--fit: 0.9999 is out of range; must be at most 0.99"));
+}
+
 TEST_F(Textile, RefusesWhatDoesNotGoTogether) {
   EXPECT_THAT(refusal({"cantilever", "--areal-density", "0.2"}), HasSubstr("--overhang"));
   EXPECT_THAT(refusal({"cantilever", "--overhang", "0.1"}), HasSubstr("--areal-density"));
