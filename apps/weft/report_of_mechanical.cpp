@@ -176,7 +176,7 @@ void add_shapes(const MechanicalTrial& trial, const std::vector<MechanicalFrame>
 ReportMechanical report_capture(const MechanicalTrial& trial,
                                 const std::vector<MechanicalFrame>& frames,
                                 const MechanicalEvaluation& evaluation,
-                                const std::array<StrainSample, 5>& samples, const Spread& spread) {
+                                const StrainSamples& samples, const Spread& spread) {
   const MechanicalCapture& capture = trial.capture;
   ReportMechanical report;
   report.name = capture.name;
@@ -239,7 +239,7 @@ MechanicalReport report_of_mechanical(
     const std::vector<ParameterInterval>& intervals, const MatX& correlation) {
   const Spread spread(fabric, intervals, correlation);
   MechanicalReport report;
-  std::array<double, 5> lower{}, upper{};
+  std::array<double, kMaterialTests.size()> lower{}, upper{};
   for (std::size_t i = 0; i < trials.size(); ++i) {
     const auto samples = strain_samples(*trials[i], frames[i]);
     for (std::size_t k = 0; k < samples.size(); ++k) {

@@ -55,6 +55,20 @@ TEST(StrainSamples, AreAlongTheThreads) {
   EXPECT_NEAR(quantile(samples[2], 0.5), -0.22 / 1.2, 1e-12);
 }
 
+// A saddle is bent along its diagonals alone, one up and one down.
+TEST(StrainSamples, HaveBothDiagonals) {
+  constexpr double kTwist = 1e-4;  // 1/m
+  const MechanicalTrial trial = free_swatch(0);
+  auto frames = placed(trial, Eigen::Matrix2d::Identity());
+  const MaterialPoints& uv = trial.stages[0].mesh.material;
+  frames[0].x.row(2) = kTwist * uv.row(0).cwiseProduct(uv.row(1));
+  const auto samples = strain_samples(trial, frames);
+  ASSERT_EQ(samples[5].value.size(), 2 * samples[3].value.size());
+  EXPECT_NEAR(quantile(samples[3], 0.5), 0, 1e-3 * kTwist);
+  EXPECT_NEAR(quantile(samples[5], 0.25), -kTwist, 1e-3 * kTwist);
+  EXPECT_NEAR(quantile(samples[5], 0.75), kTwist, 1e-3 * kTwist);
+}
+
 TEST(Quantile, IsOfTheArea) {
   const StrainSample sample{{3, 1, 2}, {1, 1, 8}};
   EXPECT_EQ(quantile(sample, 0.05), 1);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <numbers>
 #include <numeric>
 #include <span>
 
@@ -18,7 +19,7 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 /// A frame's share of the samples, rigid pieces left out.
 class Sampler {
  public:
-  Sampler(const std::vector<int>& clip_of, const Points& x, std::array<StrainSample, 5>& samples)
+  Sampler(const std::vector<int>& clip_of, const Points& x, StrainSamples& samples)
       : clip_of_(clip_of), x_(x), samples_(samples) {}
 
   void add_strains(const TriangleMesh& mesh) {
@@ -43,6 +44,10 @@ class Sampler {
       const auto curvature = triangle_curvature(plate.map, stencil);
       add(3, curvature.value[0], plate.area);
       add(4, curvature.value[1], plate.area);
+      const double mean = 0.5 * (curvature.value[0] + curvature.value[1]);
+      const double twist = curvature.value[2] / std::numbers::sqrt2;  // K_uv
+      add(5, mean + twist, 0.5 * plate.area);
+      add(5, mean - twist, 0.5 * plate.area);
     }
   }
 
@@ -58,14 +63,14 @@ class Sampler {
 
   const std::vector<int>& clip_of_;
   const Points& x_;
-  std::array<StrainSample, 5>& samples_;
+  StrainSamples& samples_;
 };
 
 }  // namespace
 
-std::array<StrainSample, 5> strain_samples(const MechanicalTrial& trial,
-                                           const std::vector<MechanicalFrame>& frames) {
-  std::array<StrainSample, 5> samples;
+StrainSamples strain_samples(const MechanicalTrial& trial,
+                             const std::vector<MechanicalFrame>& frames) {
+  StrainSamples samples;
   for (std::size_t s = 0; s < trial.stages.size(); ++s) {
     const MechanicalStage& stage = trial.stages[s];
     const TriangleMesh mesh = detail::along_the_threads(stage.mesh, trial.capture.grain_angle);
