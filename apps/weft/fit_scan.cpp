@@ -38,7 +38,8 @@ Fabric start_fabric(const ScanFitArguments& arguments, const std::vector<ScanCap
                       captures.front().areal_density, arguments.captures);
 }
 
-/// The values of the fabric one by one; tied ones share the interval of what they are tied to.
+/// The values of the fabric one by one; tied ones share the interval of what they are tied to, the
+/// first of them stands for it.
 std::vector<ReportParameter> report_parameters(const ScanProblem& problem,
                                                const ScanFitResult& fit) {
   std::vector<ReportParameter> list;
@@ -48,6 +49,8 @@ std::vector<ReportParameter> report_parameters(const ScanProblem& problem,
       for (const auto& [index, factor] : problem.parameters()[k].values) {
         if (index != i) continue;
         p.free = true;
+        const int first = problem.parameters()[k].values.front().first;
+        if (first != i) p.tied_to = fit.fabric.info(first).name;
         if (!fit.intervals.empty()) add_interval(fit.intervals[k], factor, p);
       }
     }

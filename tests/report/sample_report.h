@@ -62,6 +62,7 @@ inline Report sample_report() {
   ReportParameter held = bend;
   held.name = "shear_stiffness";
   held.free = false;
+  held.tied_to = "bend_stiffness";
   held.variability_percent = std::nullopt;
   report.parameters = {bend, damping, drag, held};
 

@@ -32,7 +32,7 @@ std::string listed(const std::vector<std::string>& names) {
 void warn_of_parameters(const Report& report, std::vector<std::string>& warnings) {
   std::vector<std::string> undetermined;
   for (const ReportParameter& p : report.parameters) {
-    if (p.free && !p.determined) undetermined.push_back(p.name);
+    if (is_searched(p) && !p.determined) undetermined.push_back(p.name);
   }
   if (!undetermined.empty()) {
     const bool one = undetermined.size() == 1;
@@ -43,7 +43,7 @@ void warn_of_parameters(const Report& report, std::vector<std::string>& warnings
         one ? "a " : "", one ? "" : "s"));
   }
   for (const ReportParameter& p : report.parameters) {
-    if (!p.free || p.at_bound == ReportParameter::Bound::none) continue;
+    if (!is_searched(p) || p.at_bound == ReportParameter::Bound::none) continue;
     const bool upper = p.at_bound == ReportParameter::Bound::upper;
     warnings.push_back(fmt::format(
         "{} ended at the {} end of its range ({}{}): a better value may lie beyond it.", p.name,
@@ -86,6 +86,10 @@ void warn_of_captures(const Report& report, std::vector<std::string>& warnings) 
 }
 
 }  // namespace
+
+bool is_searched(const ReportParameter& parameter) {
+  return parameter.free && parameter.tied_to.empty();
+}
 
 std::optional<ReportMeans> report_means(const ReportCapture& capture, bool validation) {
   ReportMeans means;

@@ -26,6 +26,9 @@ struct ReportParameter {
   double initial = 0;           ///< where the search started
   Scale scale = Scale::logarithmic;
   bool free = true;  ///< false: held at its value
+  /// The parameter whose search gives it its value, in a fixed proportion; empty: none, it is
+  /// searched by itself, or held.
+  std::string tied_to;
   /// Change of the parameter, %, that raises the error by 1 % (Bhat 2003, section 5); infinity
   /// where the data do not determine it; nothing where it was not computed.
   std::optional<double> variability_percent;
@@ -171,8 +174,12 @@ std::optional<ReportMeans> report_means(const ReportCapture& capture, bool valid
 
 /// What a reader must know before the numbers, most serious first, one sentence or two each:
 /// stopped early, errors that did not fall, parameters that the data do not determine, parameters
-/// at a bound, a condition number above largest_condition, simulations that diverged, guessed
-/// starts, validation frames that fit much worse; then `remarks`.
+/// at a bound (both without those that are tied to another), a condition number above
+/// largest_condition, simulations that diverged, guessed starts, validation frames that fit much
+/// worse; then `remarks`.
 std::vector<std::string> report_warnings(const Report& report);
+
+/// Whether it is one of the numbers that were searched: free, and not tied to another.
+bool is_searched(const ReportParameter& parameter);
 
 }  // namespace weft

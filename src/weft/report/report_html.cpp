@@ -60,7 +60,7 @@ std::string error_tile(const Report& report) {
 std::string parameters_tile(const Report& report) {
   std::size_t free = 0, sound = 0, examined = 0;
   for (const ReportParameter& p : report.parameters) {
-    if (!p.free) continue;
+    if (!is_searched(p)) continue;
     ++free;
     if (p.variability_percent || p.interval_upper || !p.determined) ++examined;
     if (p.determined && p.at_bound == ReportParameter::Bound::none) ++sound;
@@ -209,6 +209,9 @@ std::string status(const ReportParameter& p) {
     text += p.at_bound == ReportParameter::Bound::upper ? "at upper end" : "at lower end";
   }
   if (!text.empty()) return fmt::format("<span class=\"status warn\">▲ {}</span>", text);
+  if (!p.tied_to.empty())
+    return fmt::format("<span class=\"status held\">tied to {}</span>",
+                       escaped(in_words(p.tied_to)));
   if (!p.variability_percent && !p.interval_upper)
     return "<span class=\"status held\">not examined</span>";
   return "<span class=\"status fine\">determined</span>";

@@ -94,6 +94,7 @@ Json json_of(const ReportParameter& p) {
   if (p.prior_median && p.prior_factor)
     object["prior"] = {{"median", *p.prior_median}, {"factor", *p.prior_factor}};
   object["free"] = p.free;
+  if (!p.tied_to.empty()) object["tied_to"] = p.tied_to;
   object["scale"] = kScaleNames[static_cast<std::size_t>(p.scale)];
   object["meaning"] = p.meaning;
   return object;
@@ -388,6 +389,7 @@ ReportParameter parameter_from(const std::string& name, const Reader& in) {
     in.object("prior").get("factor", p.prior_factor);
   }
   in.get("free", p.free);
+  if (in.has("tied_to")) in.get("tied_to", p.tied_to);
   std::string scale;
   in.get("scale", scale);
   const auto* const found = std::ranges::find(kScaleNames, scale);
