@@ -19,6 +19,7 @@
 #include "mechanical_beside.h"
 #include "options.h"
 #include "report_of_fit.h"
+#include "report_of_mechanical.h"
 #include "scan.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
@@ -281,7 +282,10 @@ std::string result_text(const Report& report, const Problem& problem, const FitR
   std::vector<ParameterInfo> infos;
   for (int i = 0; i < problem.dimension(); ++i) infos.push_back(problem.info(i));
   result["mesh_shift"] = mesh_shift_json(infos, fit.scaled, mesh);
-  if (!tests.json.is_null()) result["mechanical"] = tests.json;
+  if (!tests.json.is_null()) {
+    result["mechanical"] = tests.json;
+    result["responses"] = responses_json(tests.report.responses);
+  }
   return result.dump(1) + "\n";
 }
 

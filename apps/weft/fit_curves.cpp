@@ -24,6 +24,29 @@ bool is_searched(const CurveFitResult& fit, const std::string& value) {
   return std::find(fit.free.begin(), fit.free.end(), value) != fit.free.end();
 }
 
+/// A stage's name in words, without the control points, which have a number of their own.
+std::string stage_title(const CurveFitStage& stage) {
+  std::string title = stage.name;
+  const std::string points = fmt::format(", {} points", stage.points);
+  if (const auto at = title.find(points); at != std::string::npos) title.erase(at, points.size());
+  std::ranges::replace(title, '_', ' ');
+  return title;
+}
+
+/// Whether a stage of the incremental order uses captures that isolate a strain: those of its own,
+/// the coupling both stretches, the diagonal bend both bends; where the warp follows the weft, the
+/// weft's stages those of both.
+bool uses(std::string_view component, IsolatedStrain strain, ThreadSymmetry symmetry) {
+  using enum IsolatedStrain;
+  const bool stretch = strain == weft_stretch || strain == warp_stretch;
+  const bool bend = strain == weft_bend || strain == warp_bend;
+  const bool both = symmetry == ThreadSymmetry::isotropic;
+  if (component == "all") return true;
+  if (component == "coupling" || (both && component == "weft stretch")) return stretch;
+  if (component == "diagonal bend" || (both && component == "weft bend")) return bend;
+  return component == name_of(strain);
+}
+
 }  // namespace
 
 const std::vector<std::string>& CurveFitArguments::names() {
@@ -74,7 +97,8 @@ CurveFitOptions CurveFitArguments::options() const {
   return options;
 }
 
-void add_curves(const CurveFitResult& fit, nlohmann::json& result) {
+void add_curves(const CurveFitResult& fit, const std::vector<ReportStage>& stages,
+                nlohmann::json& result) {
   const Fabric& fabric = fit.fit.fabric;
   nlohmann::json curves = nlohmann::json::object();
   for (const ParameterInfo& info : model_parameters(fabric.model)) {
@@ -95,18 +119,42 @@ void add_curves(const CurveFitResult& fit, nlohmann::json& result) {
                                       {"upper", numbers(band.upper)}};
   }
   result["curves"] = curves;
-  nlohmann::json stages = nlohmann::json::array();
-  for (const CurveFitStage& stage : fit.stages)
-    stages.push_back({{"name", stage.name},
-                      {"pass", stage.pass},
-                      {"points", stage.points},
-                      {"kept", stage.kept},
-                      {"error_initial", json_number(stage.cost_start)},
-                      {"error", json_number(stage.cost)},
-                      {"error_on_halved_cells", json_number(stage.finer_cost)},
-                      {"evaluations", stage.evaluations},
-                      {"wall_s", stage.wall_s}});
-  result["stages"] = stages;
+  nlohmann::json list = nlohmann::json::array();
+  for (std::size_t i = 0; i < fit.stages.size(); ++i) {
+    const CurveFitStage& stage = fit.stages[i];
+    list.push_back({{"name", stage.name},
+                    {"captures", stages[i].captures},
+                    {"pass", stage.pass},
+                    {"points", stage.points},
+                    {"kept", stage.kept},
+                    {"error_initial", json_number(stage.cost_start)},
+                    {"error", json_number(stage.cost)},
+                    {"error_on_halved_cells", json_number(stage.finer_cost)},
+                    {"evaluations", stage.evaluations},
+                    {"wall_s", stage.wall_s}});
+  }
+  result["stages"] = list;
+}
+
+std::vector<ReportStage> report_stages(const CurveFitResult& fit,
+                                       const std::vector<MechanicalCapture>& captures,
+                                       ThreadSymmetry symmetry) {
+  std::vector<ReportStage> stages;
+  for (const CurveFitStage& stage : fit.stages) {
+    ReportStage& out = stages.emplace_back();
+    out.name = stage_title(stage);
+    out.pass = stage.pass;
+    out.points = stage.points;
+    out.error_initial = stage.cost_start;
+    out.error = stage.cost;
+    out.error_on_halved_cells = stage.finer_cost;
+    out.evaluations = stage.evaluations;
+    out.kept = stage.kept;
+    const std::string component = out.name.substr(0, out.name.find(','));
+    for (const MechanicalCapture& capture : captures)
+      if (uses(component, isolated_strain(capture), symmetry)) out.captures.push_back(capture.name);
+  }
+  return stages;
 }
 
 std::string stage_lines(const CurveFitResult& fit) {

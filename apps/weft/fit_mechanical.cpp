@@ -109,7 +109,7 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
 /// result.json with one entry a capture under "mechanical".
 std::string result_text(const Report& report, const std::vector<MechanicalCapture>& captures,
                         const std::vector<MechanicalEvaluation>& evaluations,
-                        const CurveFitResult& found) {
+                        const CurveFitResult& found, const MechanicalReport& shown) {
   nlohmann::json result = nlohmann::json::parse(result_to_json(report));
   nlohmann::json list = nlohmann::json::array();
   for (std::size_t i = 0; i < captures.size(); ++i) {
@@ -117,9 +117,11 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
     entry["name"] = captures[i].name;
     entry["folder"] = captures[i].folder.string();
     entry["cord_friction"] = cord_friction_json(found.fit.cord_friction, i);
+    add_series(shown.captures[i], entry);
     list.push_back(entry);
   }
   result["mechanical"] = list;
+  result["responses"] = responses_json(shown.responses);
   std::vector<ParameterInfo> infos;
   for (const std::string& name : found.free)
     infos.push_back(found.fit.fabric.info(found.fit.fabric.value_index(name)));
@@ -128,7 +130,7 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
     scaled[static_cast<Eigen::Index>(i)] =
         to_scaled(infos[i], found.fit.fabric.value(found.free[i]));
   result["mesh_shift"] = mesh_shift_json(infos, scaled, found.fit.mesh);
-  if (!found.stages.empty()) add_curves(found, result);
+  if (!found.stages.empty()) add_curves(found, shown.stages, result);
   return result.dump(2) + "\n";
 }
 
@@ -220,10 +222,11 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   for (std::size_t i = 0; i < trials.size(); ++i)
     evaluations.push_back(compare_mechanical(*trials[i], frames[i]));
   const Report report = make_report(arguments, found.free, fit, names);
-  write_text(out / "result.json", result_text(report, captures, evaluations, found));
-  write_report_html(out / "report.html", report, {},
-                    report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,
-                                         fit.certainty.correlation));
+  MechanicalReport shown = report_of_mechanical(trials, frames, evaluations, fit.fabric,
+                                                fit.intervals, fit.certainty.correlation, fit.cord_friction);
+  if (arguments.curves) shown.stages = report_stages(found, captures, arguments.curves->symmetry);
+  write_text(out / "result.json", result_text(report, captures, evaluations, found, shown));
+  write_report_html(out / "report.html", report, {}, shown);
   fmt::print("{}", stage_lines(found));
   print_result(report, fit.replayed, captures, evaluations);
   fmt::print("{}", cord_friction_lines(fit.cord_friction));

@@ -105,7 +105,16 @@ nlohmann::json material_json(const ScanProblem& problem, const Fabric& fabric) {
   return values;
 }
 
+/// Of those that have one, by name.
+nlohmann::json intervals_json(const std::vector<ReportModulus>& moduli) {
+  nlohmann::json intervals = nlohmann::json::object();
+  for (const ReportModulus& m : moduli)
+    if (m.lower && m.upper) intervals[m.name] = {*m.lower, *m.upper};
+  return intervals;
+}
+
 std::string result_text(const Report& report, const ScanProblem& problem, const ScanFitResult& fit,
+                        const std::vector<ReportModulus>& moduli,
                         const std::vector<std::shared_ptr<const ScanTrial>>& trials,
                         const std::vector<ScanDifference>& differences) {
   nlohmann::json result = nlohmann::json::parse(result_to_json(report));
@@ -127,6 +136,7 @@ std::string result_text(const Report& report, const ScanProblem& problem, const 
       {"shape_rms", fit.shape_rms},
       {"force_rms", fit.force_rms},
       {"targets", targets}};
+  if (!moduli.empty()) result["scan"]["moduli_intervals"] = intervals_json(moduli);
   result["mesh_shift"] = mesh_shift_json(problem.infos(), problem.scaled(fit.fabric), fit.mesh);
   return result.dump(2) + "\n";
 }
@@ -250,9 +260,11 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   for (std::size_t i = 0; i < trials.size(); ++i)
     differences.push_back(compare_scan(*trials[i], simulations[i]));
   const Report report = make_report(arguments, problem, fit, names);
-  write_text(out / "result.json", result_text(report, problem, fit, trials, differences));
-  write_report_html(out / "report.html", report, {},
-                    report_of_scan(captures, trials, simulations, differences));
+  MechanicalReport shown = report_of_scan(captures, trials, simulations, differences);
+  shown.moduli = report_moduli(problem, fit);
+  write_text(out / "result.json",
+             result_text(report, problem, fit, shown.moduli, trials, differences));
+  write_report_html(out / "report.html", report, {}, shown);
   print_result(fit, report, trials, differences);
   fmt::print("{}\n", (out / "report.html").string());
   if (report.stopped) throw CLI::RuntimeError(stopped_early);

@@ -53,8 +53,10 @@ MechanicalBeside::Shown MechanicalBeside::show(const Fabric& estimate,
                                       complaints(evaluations[i])));
   }
   shown.lines.push_back(cord_friction_lines(cord_friction));
-  shown.report =
-      report_of_mechanical(trials_, frames, evaluations, estimate, intervals, correlation);
+  shown.report = report_of_mechanical(trials_, frames, evaluations, estimate, intervals,
+                                      correlation, cord_friction);
+  for (std::size_t i = 0; i < trials_.size(); ++i)
+    add_series(shown.report.captures[i], shown.json[i]);
   return shown;
 }
 

@@ -1,10 +1,15 @@
 #include "report_of_mechanical.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
+#include <numbers>
 #include <set>
 
+#include "mechanical.h"
 #include "weft/estimate/mechanical_strains.h"
 
 namespace weft::app {
@@ -129,6 +134,28 @@ ReportHistogram report_histogram(MaterialTest test, const StrainSample& sample) 
   return histogram;
 }
 
+bool has_springs(const Fabric& fabric) { return fabric.model == "springs"; }
+
+/// Side of a square of the mean area of the cells, m.
+double mean_cell(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials) {
+  double area = 0;
+  int triangles = 0;
+  for (const auto& trial : trials) {
+    for (const MechanicalStage& stage : trial->stages) {
+      area += vertex_areas(stage.mesh).sum();
+      triangles += stage.mesh.triangle_count();
+    }
+  }
+  return triangles > 0 ? std::sqrt(2 * area / triangles) : 0;
+}
+
+std::string springs_remark(double cell) {
+  return fmt::format(
+      "The bend of springs depends on the cells of the mesh: here they are {:.2g} mm wide, the "
+      "mean of the fit's, and turn against each other by up to a right angle.",
+      1e3 * cell);
+}
+
 /// First, last, and the one with the largest force, or where no force was measured the middle one.
 std::set<int> shown_frames(const MechanicalCapture& capture) {
   int most = capture.frame_count / 2;
@@ -209,17 +236,61 @@ ReportMechanical report_capture(const MechanicalTrial& trial,
   return report;
 }
 
-/// Over the strains that occur in any capture.
+constexpr double kMostTurn = std::numbers::pi / 2;  // of cells with springs, rad
+constexpr int kSamples = 41;                        // of a response, or of one branch of its cycle
+
+/// Whether friction acts in a test; the diagonal bends both threads.
+bool rubs(const Fabric& fabric, MaterialTest test) {
+  const auto has = [&](const std::string& component) {
+    const std::string name = component + "_friction";
+    return std::ranges::any_of(model_parameters(fabric.model), [&](const ParameterInfo& info) {
+      return info.name == name && fabric.value_count(name) > 0;
+    });
+  };
+  std::string component(material_test_name(test));
+  std::ranges::replace(component, ' ', '_');
+  return has(component) ||
+         (test == MaterialTest::diagonal_bend && (has("weft_bend") || has("warp_bend")));
+}
+
+/// From rest to `upper`, to `lower`, and to `upper` again; close to each other after a turn, where
+/// the stress changes fastest.
+void add_cycle(double lower, double upper, ReportResponse& out) {
+  double from = 0;
+  out.strain.push_back(from);
+  for (const double to : {upper, lower, upper}) {
+    if (to == from) continue;
+    if (out.strain.size() > 1) out.turns.push_back(out.strain.size() - 1);
+    for (int i = 1; i < kSamples; ++i) {
+      const double t = static_cast<double>(i) / (kSamples - 1);
+      out.strain.push_back(from + (to - from) * t * t);
+    }
+    from = to;
+  }
+}
+
+/// Over the strains that occur in any capture: from `lower` <= 0 to `upper` >= 0. `cell`: side of
+/// the cells of the meshes, m.
 ReportResponse report_response(const Fabric& fabric, MaterialTest test, double lower, double upper,
-                               const Spread& spread) {
-  constexpr int kSamples = 41;
+                               double cell, const Spread& spread) {
   ReportResponse out;
   out.name = material_test_name(test);
   out.strain_unit = is_bend(test) ? "1/m" : "";
   out.stress_unit = is_bend(test) ? "N" : "N/m";
-  for (int i = 0; i < kSamples; ++i)
-    out.strain.push_back(lower + (upper - lower) * i / (kSamples - 1));
-  const MaterialResponse response = material_response(fabric, test, out.strain);
+  MaterialResponseOptions options;
+  if (has_springs(fabric)) options.cell = cell;
+  if (has_springs(fabric) && is_bend(test)) {
+    lower = std::max(lower, -kMostTurn / cell);
+    upper = std::min(upper, kMostTurn / cell);
+  }
+  if (rubs(fabric, test)) {
+    options.path = StrainPath::continued;
+    add_cycle(lower, upper, out);
+  } else {
+    for (int i = 0; i < kSamples; ++i)
+      out.strain.push_back(lower + (upper - lower) * i / (kSamples - 1));
+  }
+  const MaterialResponse response = material_response(fabric, test, out.strain, options);
   out.stress.assign(response.stress.begin(), response.stress.end());
   if (!spread.known()) return out;
   for (Eigen::Index i = 0; i < response.stress.size(); ++i) {
@@ -230,13 +301,29 @@ ReportResponse report_response(const Fabric& fabric, MaterialTest test, double l
   return out;
 }
 
+/// For a plot, not to compute with.
+nlohmann::json rounded(const std::vector<double>& values) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const double value : values)
+    list.push_back(json_number(std::strtod(fmt::format("{:.6g}", value).c_str(), nullptr)));
+  return list;
+}
+
+void add_band(const std::vector<double>& lower, const std::vector<double>& upper,
+              nlohmann::json& object) {
+  if (lower.empty()) return;
+  object["lower"] = rounded(lower);
+  object["upper"] = rounded(upper);
+}
+
 }  // namespace
 
 MechanicalReport report_of_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
     const std::vector<std::vector<MechanicalFrame>>& frames,
     const std::vector<MechanicalEvaluation>& evaluations, const Fabric& fabric,
-    const std::vector<ParameterInterval>& intervals, const MatX& correlation) {
+    const std::vector<ParameterInterval>& intervals, const MatX& correlation,
+    const std::vector<CordFrictionEstimate>& cord_friction) {
   const Spread spread(fabric, intervals, correlation);
   MechanicalReport report;
   std::array<double, kMaterialTests.size()> lower{}, upper{};
@@ -249,12 +336,55 @@ MechanicalReport report_of_mechanical(
     report.captures.push_back(
         report_capture(*trials[i], frames[i], evaluations[i], samples, spread));
   }
-  if (fabric.model == "springs") return report;  // has no stress of its own
+  for (const CordFrictionEstimate& friction : cord_friction) {
+    const ParameterInterval& p = friction.interval;
+    report.captures[friction.trial].cord_friction =
+        ReportCordFriction{p.value, p.lower, p.upper, p.determined};
+  }
+  const double cell = mean_cell(trials);
+  if (has_springs(fabric)) report.response_remark = springs_remark(cell);
   for (std::size_t k = 0; k < kMaterialTests.size(); ++k)
     if (upper[k] > lower[k])
       report.responses.push_back(
-          report_response(fabric, kMaterialTests[k], lower[k], upper[k], spread));
+          report_response(fabric, kMaterialTests[k], lower[k], upper[k], cell, spread));
   return report;
+}
+
+void add_series(const ReportMechanical& capture, nlohmann::json& entry) {
+  nlohmann::json clips = nlohmann::json::array();
+  for (const ReportClip& clip : capture.clips) {
+    nlohmann::json object = {{"name", clip.name}, {"way", rounded(clip.moved)}};
+    if (!clip.measured.empty()) {
+      object["measured"] = rounded(clip.measured);
+      object["computed"] = rounded(clip.computed);
+    }
+    add_band(clip.lower, clip.upper, object);
+    clips.push_back(object);
+  }
+  entry["clips"] = clips;
+  nlohmann::json strains = nlohmann::json::array();
+  for (const ReportHistogram& histogram : capture.strains)
+    strains.push_back({{"name", histogram.name},
+                       {"unit", histogram.unit},
+                       {"lower", histogram.lower},
+                       {"upper", histogram.upper},
+                       {"share", rounded(histogram.share)}});
+  entry["strains"] = strains;
+}
+
+nlohmann::json responses_json(const std::vector<ReportResponse>& responses) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const ReportResponse& response : responses) {
+    nlohmann::json object = {{"name", response.name},
+                             {"strain_unit", response.strain_unit},
+                             {"stress_unit", response.stress_unit},
+                             {"strain", rounded(response.strain)},
+                             {"stress", rounded(response.stress)}};
+    add_band(response.lower, response.upper, object);
+    if (!response.turns.empty()) object["turns"] = response.turns;
+    list.push_back(object);
+  }
+  return list;
 }
 
 }  // namespace weft::app

@@ -1,6 +1,7 @@
 #pragma once
 /// From computed mechanical captures to what a report shows of them.
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "weft/estimate/mechanical_fit.h"
@@ -11,10 +12,18 @@ namespace weft::app {
 /// `frames` with derivatives where bands are wanted: of each trial all frames, as
 /// simulate_mechanical() returns them. Bands are those of `intervals` and `correlation` (both of
 /// the free parameters, in one order); parameters that are not determined do not widen them.
+/// `cord_friction`: what was found of the trials, may be none; the frames' forces have it.
 MechanicalReport report_of_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
     const std::vector<std::vector<MechanicalFrame>>& frames,
     const std::vector<MechanicalEvaluation>& evaluations, const Fabric& fabric,
-    const std::vector<ParameterInterval>& intervals, const MatX& correlation);
+    const std::vector<ParameterInterval>& intervals, const MatX& correlation,
+    const std::vector<CordFrictionEstimate>& cord_friction);
+
+/// The series of a capture's plots for its entry in result.json: `clips` and `strains`. Numbers are
+/// rounded to six digits; null where there is none.
+void add_series(const ReportMechanical& capture, nlohmann::json& entry);
+/// `responses` of result.json, one entry a curve.
+nlohmann::json responses_json(const std::vector<ReportResponse>& responses);
 
 }  // namespace weft::app

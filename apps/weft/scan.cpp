@@ -136,7 +136,10 @@ nlohmann::json scan_json(const std::vector<std::shared_ptr<const ScanTrial>>& tr
       const ScanClamp& clamp = trials[i]->target.clamps[c];
       nlohmann::json entry = {{"name", clamp.name},
                               {"force", json_number(d.forces[static_cast<Eigen::Index>(c)])}};
-      if (clamp.force) entry["force_measured"] = *clamp.force;
+      if (clamp.force) {
+        entry["force_measured"] = *clamp.force;
+        entry["force_noise"] = clamp.force_noise;
+      }
       clamps.push_back(entry);
     }
     object["clamps"] = clamps;

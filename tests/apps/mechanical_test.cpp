@@ -72,6 +72,68 @@ TEST_F(Mechanical, FitsACurveAndShowsIt) {
     EXPECT_THAT(page, HasSubstr(text));
   EXPECT_THAT(outcome.out, HasSubstr("report.html"));
   EXPECT_NO_THROW(read_result(folder_ / "out/result.json"));
+
+  // What the plots show, to plot again: the clip that is pulled by 0 to 8 mm.
+  const json& clips = result["mechanical"][0]["clips"];
+  ASSERT_EQ(clips.size(), 2u);
+  const json& pulled = clips[clips[0]["way"].back().get<double>() > 0 ? 0 : 1];
+  ASSERT_EQ(pulled["way"].size(), 5u);
+  EXPECT_NEAR(pulled["way"][4].get<double>(), 0.008, 1e-9);
+  const double force = kWidth * kStiffness * (0.04 + 0.0008) * 1.04;
+  EXPECT_NEAR(pulled["measured"][4].get<double>(), force, 1e-5);
+  EXPECT_NEAR(pulled["computed"][4].get<double>(), force, 2e-3 * force);
+  EXPECT_LT(pulled["lower"][4].get<double>(), pulled["upper"][4].get<double>());
+  const json& stretch = result["mechanical"][0]["strains"][0];
+  EXPECT_EQ(stretch["name"], "weft stretch");
+  double sum = 0;
+  for (const json& share : stretch["share"]) sum += share.get<double>();
+  EXPECT_NEAR(sum, 1, 1e-4);
+  const json& response = result["responses"][0];
+  EXPECT_EQ(response["name"], "weft stretch");
+  EXPECT_FALSE(response.contains("turns"));
+  const double s = response["strain"].back();
+  EXPECT_NEAR(response["stress"].back().get<double>(), found * (s + s * s / 2) * (1 + s),
+              1e-4 * found * s);
+}
+
+/// Names of the curves of the fabric.
+std::vector<std::string> names_of(const json& responses) {
+  std::vector<std::string> names;
+  for (const json& response : responses) names.push_back(response["name"]);
+  return names;
+}
+
+TEST_F(Mechanical, SpringsHaveCurvesOfTheirCells) {
+  const Outcome outcome =
+      weft({"fit", path("strip"), "--out", path("out"), "--cells", "3", "--model", "springs",
+            "--parameters", "weft_stretch", "--no-mesh-error"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  EXPECT_THAT(names_of(result["responses"]), testing::Contains("weft stretch"));
+  EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("The bend of springs depends on"));
+}
+
+TEST_F(Mechanical, InternalFrictionShowsAsALoop) {
+  Fabric fabric = Fabric::with_defaults("rubbing", "stvk-diagonal");
+  for (const char* row : {"weft_stretch_friction", "weft_stretch_friction_scale"})
+    fabric.include(row);
+  fabric.set("weft_stretch_friction", 2);
+  fabric.set("weft_stretch_friction_scale", 0.002);
+  write_fabric(folder_ / "rubbing.toml", fabric);
+  const Outcome outcome =
+      weft({"fit", path("strip"), "--out", path("out"), "--cells", "3", "--initial",
+            path("rubbing.toml"), "--parameters", "weft_stretch", "--no-mesh-error"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  for (const json& response : result["responses"])
+    EXPECT_EQ(response.contains("turns"), response["name"] == "weft stretch") << response["name"];
+  const json& loop = result["responses"][0];
+  const auto turn = loop["turns"][0].get<std::size_t>();
+  EXPECT_EQ(loop["strain"][0], 0);
+  // Down from where it was loaded to: twice the amplitude lower at the first strain that is far.
+  EXPECT_GT(loop["strain"][turn].get<double>(), loop["strain"][turn + 1].get<double>());
+  EXPECT_LT(loop["stress"][loop["turns"][1].get<std::size_t>()].get<double>(), -1);
+  EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("unloading"));
 }
 
 TEST_F(Mechanical, IntervalsSayWhatTheMeshDoes) {
@@ -128,6 +190,11 @@ TEST_F(Mechanical, AKilledOrStoppedFitContinues) {
       EXPECT_THAT(continued.err, HasSubstr("(replayed)"));
       EXPECT_EQ(without_circumstances(out), without_circumstances(whole));
       EXPECT_EQ(text_of(folder_ / out / "fabric.toml"), text_of(folder_ / whole / "fabric.toml"));
+    }
+    if (i > 0) {
+      const json stages = without_circumstances(whole)["stages"];
+      EXPECT_EQ(stages[0]["captures"], json::array({"strip"}));
+      EXPECT_THAT(text_of(folder_ / whole / "report.html"), HasSubstr("<h3>Stages"));
     }
     // All of it is there, and is taken.
     const int rows = rows_of_store(whole);

@@ -1,4 +1,5 @@
 /// The subcommands that take scans, as a process.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -69,7 +70,25 @@ TEST_F(Scan, ChecksEvaluatesAndFits) {
   EXPECT_EQ(result["scan"]["targets"].size(), 4u);
   EXPECT_EQ(result["settings"]["descriptor"], "fourier");
   const std::string page = text_of(folder_ / "out/report.html");
-  EXPECT_THAT(page, AllOf(HasSubstr("ledge along u"), HasSubstr("How well it matches")));
+  EXPECT_THAT(page, AllOf(HasSubstr("ledge along u"), HasSubstr("How well it matches"),
+                          HasSubstr("<b>E_u</b>"), HasSubstr("Forces of the clamps"),
+                          Not(HasSubstr("raw scans")), HasSubstr("tied to bend uu")));
+  // Four stiffnesses of the membrane and one rigidity, which three values of the fabric have.
+  EXPECT_THAT(page, AllOf(HasSubstr("5 of 5"), Not(HasSubstr("7 of 7"))));
+  EXPECT_EQ(result["parameters"]["bend_vv"]["tied_to"], "bend_uu");
+  EXPECT_FALSE(result["parameters"]["bend_uu"].contains("tied_to"));
+  // mu and b are what was searched, in other words.
+  const nlohmann::json& intervals = result["scan"]["moduli_intervals"];
+  for (const auto& [modulus, name] :
+       {std::pair("mu", "membrane_shear"), std::pair("b", "bend_uu")}) {
+    const nlohmann::json& p = result["parameters"][name];
+    EXPECT_NEAR(intervals[modulus][0].get<double>() / p["interval_lower"].get<double>(), 1, 1e-6);
+    EXPECT_NEAR(intervals[modulus][1].get<double>() / p["interval_upper"].get<double>(), 1, 1e-6);
+  }
+  const double e_u = result["scan"]["moduli"]["E_u"];
+  EXPECT_LT(intervals["E_u"][0].get<double>(), e_u);
+  EXPECT_GT(intervals["E_u"][1].get<double>(), e_u);
+  EXPECT_EQ(result["scan"]["targets"][1]["clamps"][0]["force_noise"], 1e-3);
 
   const Outcome evaluated =
       weft({"evaluate", path("scan"), "--fabric", path("out/fabric.toml"), "--json"});
@@ -275,6 +294,9 @@ TEST_F(Scan, FitsACloudBesideRegisteredScans) {
   // 0.02 m about a vertex next to its middle: four or more of a grid of 0.0125 m.
   EXPECT_GE(registration["unsupported_vertices"].get<int>(), 4);
   EXPECT_LT(registration["residual_median"].get<double>(), 1.5e-4);
+  EXPECT_THAT(
+      text_of(folder_ / "out/report.html"),
+      HasSubstr(fmt::format("{} of 81 (", registration["unsupported_vertices"].get<int>())));
   const std::string weights = text_of(folder_ / "out/registered_3_weights.csv");
   EXPECT_EQ(std::count(weights.begin(), weights.end(), '\n'), 82);
   // Row 4 of column 5, (0.0625, 0.05) m, in the middle of the hole.

@@ -48,6 +48,41 @@ TEST(StrainPlot, IsAStaircaseInPercent) {
   EXPECT_EQ(plot.series[0].y, (std::vector<double>{25, 25, 75, 75}));
 }
 
+ReportResponse loop() {
+  return {"shear",
+          "",
+          "N/m",
+          {0, 0.2, 0.1, 0, 0.1, 0.2},
+          {0, 5, 2, -1, 3, 5},
+          {0, 4, 1, -2, 2, 4},
+          {0, 6, 3, 0, 4, 6},
+          {1, 3}};
+}
+
+TEST(ResponsePlot, IsOneLineWithoutFriction) {
+  const ReportResponse response{"shear", "", "N/m", {0, 0.1, 0.2}, {0, 1, 2}, {}, {}, {}};
+  const LinePlot plot = response_plot(response);
+  ASSERT_EQ(plot.series.size(), 1u);
+  EXPECT_EQ(plot.series[0].name, "");
+  EXPECT_EQ(plot.series[0].x, (std::vector<double>{0, 10, 20}));  // %
+  EXPECT_EQ(plot.series[0].y, response.stress);
+  EXPECT_FALSE(plot.series[0].dashed);
+}
+
+TEST(ResponsePlot, HasABranchBetweenTheTurnsOfACycle) {
+  const LinePlot plot = response_plot(loop());
+  ASSERT_EQ(plot.series.size(), 3u);
+  EXPECT_EQ(plot.series[0].name, "from rest");
+  EXPECT_EQ(plot.series[0].y, (std::vector<double>{0, 5}));
+  EXPECT_EQ(plot.series[1].name, "unloading");
+  EXPECT_EQ(plot.series[1].x, (std::vector<double>{20, 10, 0}));
+  EXPECT_EQ(plot.series[1].y, (std::vector<double>{5, 2, -1}));
+  EXPECT_EQ(plot.series[1].upper, (std::vector<double>{6, 3, 0}));
+  EXPECT_EQ(plot.series[2].name, "loading");
+  EXPECT_EQ(plot.series[2].y, (std::vector<double>{-1, 3, 5}));
+  EXPECT_NO_THROW(to_svg(plot));
+}
+
 // A square that faces the viewer half way: its colours are those of the map between the values at
 // its two sides, and what it does not cover stays white.
 TEST(ShapePicture, ColoursBetweenTheValuesOfTheVertices) {
@@ -89,6 +124,106 @@ TEST(ReportHtml, MechanicalCapturesHaveTheirSections) {
   EXPECT_THAT(page, HasSubstr("id=\"match\""));
   EXPECT_THAT(page, HasSubstr("&lt;stretch&gt;"));
   EXPECT_THAT(page, Not(HasSubstr("<stretch>")));
+}
+
+/// The text of the row of a table that begins with `name`; empty where there is none.
+std::string row_of(const std::string& page, const std::string& name) {
+  const auto at = page.find("<b>" + name + "</b>");
+  if (at == std::string::npos) return "";
+  const std::string row = page.substr(at, page.find("</tr>", at) - at);
+  std::string text;
+  bool inside = false;
+  for (const char c : row) {
+    if (c == '<') text += inside ? "" : " ";
+    inside = c == '<' || (inside && c != '>');
+    if (!inside && c != '>') text += c;
+  }
+  return text;
+}
+
+TEST(ReportHtml, WhatWasFoundOfTestsHasItsTables) {
+  Report report;
+  report.error_initial = 2;
+  report.error = 1;
+  report.parameters.emplace_back().name = "shear";
+  report.history = {{1, "least squares", 2, 2, 0}, {2, "least squares", 1, 1, 0}};
+  MechanicalReport mechanical;
+  mechanical.captures = {stretch()};
+  const std::string without = report_to_html(report, {}, mechanical);
+  for (const char* text : {"Friction of the cords", "As moduli", "Forces of the clamps",
+                           "raw scans", "<h3>Stages", "The fabric's curves"})
+    EXPECT_EQ(without.find(text), std::string::npos) << text;
+
+  ReportMechanical& capture = mechanical.captures[0];
+  capture.name = "pull";
+  capture.cord_friction = ReportCordFriction{0.25, 0.2, 0.31, true};
+  mechanical.moduli = {{"E_u", "N/m", "Young's modulus.", 123, 111, 134},
+                       {"b", "N m", "Rigidity.", 2e-5, {}, {}}};
+  mechanical.stages = {{"shear", 1, {"pull", "tear"}, 2, 40, 3.5, 3.6, 17, true},
+                       {"weft bend", 2, {"hang"}, 3, 3.5, 3.4, 4.1, 9, false}};
+  mechanical.responses = {loop()};
+  std::string page = report_to_html(report, {}, mechanical);
+  EXPECT_THAT(row_of(page.substr(page.find("Friction of the cords")), "pull"),
+              testing::AllOf(HasSubstr("0.250 N"), HasSubstr("0.200 to 0.310 N")));
+  EXPECT_THAT(row_of(page, "E_u"), testing::AllOf(HasSubstr("123"), HasSubstr("111 to 134")));
+  EXPECT_THAT(row_of(page, "b"), testing::AllOf(HasSubstr("–"), HasSubstr("N·m")));
+  const std::string stages = page.substr(page.find("<h3>Stages"));
+  EXPECT_THAT(row_of(stages, "shear"),
+              testing::AllOf(HasSubstr("pull, tear"), HasSubstr("40.0"), HasSubstr("3.50"),
+                             HasSubstr("3.60"), Not(HasSubstr("not kept"))));
+  EXPECT_THAT(row_of(stages, "weft bend"), HasSubstr("not kept"));
+  EXPECT_NE(page.find("Internal friction makes loops"), std::string::npos);
+
+  capture.cord_friction->determined = false;
+  page = report_to_html(report, {}, mechanical);
+  EXPECT_THAT(row_of(page.substr(page.find("Friction of the cords")), "pull"),
+              testing::AllOf(HasSubstr("not determined"), Not(HasSubstr("0.310"))));
+}
+
+TEST(ReportHtml, ScansHaveTheirClampsAndRegistrations) {
+  Report report;
+  MechanicalReport mechanical;
+  mechanical.captures = {stretch()};
+  ReportMechanical& capture = mechanical.captures[0];
+  capture.name = "frame";
+  capture.clamps = {{"left", 1.5, 0.02, 1.25}, {"right", {}, 0.01, 0.75}};
+  capture.registration = ReportRegistration{5000, 4000, 1e-4, 7e-4, 0.01, 200, 5};
+  const std::string page = report_to_html(report, {}, mechanical);
+  const std::string clamps = page.substr(page.find("Forces of the clamps"));
+  EXPECT_THAT(row_of(clamps, "frame"),
+              testing::AllOf(HasSubstr("left"), HasSubstr("1.50 N"), HasSubstr("0.02 N"),
+                             HasSubstr("1.25 N"), HasSubstr("−0.25 N")));
+  EXPECT_THAT(clamps.substr(0, clamps.find("</table>")), HasSubstr("0.750 N"));
+  EXPECT_THAT(row_of(page.substr(page.find("raw scans")), "frame"),
+              testing::AllOf(HasSubstr("4000 of 5000"), HasSubstr("0.100 mm"),
+                             HasSubstr("0.700 mm"), HasSubstr("5 of 200 (2.5 %)")));
+}
+
+// One rigidity in three rows is one number that was searched.
+TEST(ReportHtml, TiedParametersCountOnce) {
+  Report report;
+  report.error_initial = 2;
+  report.error = 1;
+  ReportParameter bend;
+  bend.name = "bend_uu";
+  bend.value = 2;
+  bend.upper = 4;
+  bend.interval_lower = 1;
+  bend.interval_upper = 3;
+  ReportParameter tied = bend;
+  tied.name = "bend_vv";
+  tied.tied_to = "bend_uu";
+  report.parameters = {bend, tied};
+  std::string page = report_to_html(report);
+  EXPECT_THAT(page, HasSubstr("1 of 1"));
+  EXPECT_THAT(row_of(page, "bend vv"), HasSubstr("tied to bend uu"));
+  for (ReportParameter& p : report.parameters) {
+    p.determined = false;
+    p.at_bound = ReportParameter::Bound::upper;
+  }
+  for (const std::string& warning : report_warnings(report))
+    EXPECT_EQ(warning.find("bend_vv"), std::string::npos) << warning;
+  EXPECT_EQ(report_warnings(report).size(), 2u);
 }
 
 }  // namespace

@@ -1,5 +1,8 @@
 #include "weft/report/mechanical_html.h"
 
+#include <fmt/ranges.h>
+
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -46,6 +49,116 @@ std::string table_of_tests(const MechanicalReport& report) {
   return html + "</tbody></table>\n";
 }
 
+/// Head of a table: the first column holds names, the others numbers; `detail` beside the names.
+std::string table_head(std::string_view name, const std::vector<std::string_view>& numbers,
+                       std::string_view detail = "") {
+  std::string html = fmt::format("<table><thead><tr><th>{}</th>", name);
+  if (!detail.empty()) html += fmt::format("<th>{}</th>", detail);
+  for (const std::string_view number : numbers)
+    html += fmt::format("<th class=\"n\">{}</th>", number);
+  return html + "</tr></thead><tbody>\n";
+}
+
+std::string name_cell(std::string_view column, std::string_view name,
+                      std::string_view detail = "") {
+  return cell(
+      column,
+      fmt::format(
+          "<b>{}</b>{}", escaped(name),
+          detail.empty() ? "" : fmt::format("<div class=\"minor\">{}</div>", escaped(detail))),
+      "lead");
+}
+
+std::string interval(double lower, double upper) {
+  if (!std::isfinite(upper)) return "unbounded";
+  return format_value(lower) + " to " + format_value(upper);
+}
+
+std::string table_of_clamps(const MechanicalReport& report) {
+  std::string rows;
+  for (const ReportMechanical& c : report.captures) {
+    for (const ReportClampForce& clamp : c.clamps) {
+      rows += "<tr>" + name_cell("Test", c.name) + cell("Clamp", escaped(clamp.name));
+      rows += cell("Measured", clamp.measured ? format_value(*clamp.measured) + " N" : "–", "n");
+      rows += cell("Noise", clamp.measured ? format_short(clamp.noise, 3) + " N" : "–", "n");
+      rows += cell("Computed", format_value(clamp.computed) + " N", "n");
+      rows += cell("Difference",
+                   clamp.measured ? format_value(clamp.computed - *clamp.measured, 2) + " N" : "–",
+                   "n");
+      rows += "</tr>\n";
+    }
+  }
+  if (rows.empty()) return "";
+  return "<h3>Forces of the clamps</h3>\n<p class=\"minor\">Magnitudes. The noise is the standard "
+         "deviation that the capture states.</p>\n" +
+         table_head("Test", {"Measured", "Noise", "Computed", "Difference"}, "Clamp") + rows +
+         "</tbody></table>\n";
+}
+
+std::string table_of_registrations(const MechanicalReport& report) {
+  std::string rows;
+  for (const ReportMechanical& c : report.captures) {
+    if (!c.registration) continue;
+    const ReportRegistration& r = *c.registration;
+    rows += "<tr>" + name_cell("Raw scan", c.name);
+    rows += cell("Points used", fmt::format("{} of {}", r.inliers, r.points), "n");
+    rows += cell("Distance, median", millimetres(r.residual_median), "n");
+    rows += cell("95 % are within", millimetres(r.residual_95), "n");
+    rows += cell("Strain, rms", percent(100 * r.strain_rms), "n");
+    rows += cell("Vertices without support",
+                 fmt::format("{} of {} ({})", r.unsupported, r.vertices,
+                             percent(100.0 * r.unsupported / std::max(r.vertices, 1))),
+                 "n");
+    rows += "</tr>\n";
+  }
+  if (rows.empty()) return "";
+  return "<h3>How the grids lie on the raw scans</h3>\n<p class=\"minor\">Distance of the points "
+         "that were used to the grid. Vertices without support have hardly any points of the scan "
+         "about them; their places count little.</p>\n" +
+         table_head("Raw scan", {"Points used", "Distance, median", "95 % are within",
+                                 "Strain, rms", "Vertices without support"}) +
+         rows + "</tbody></table>\n";
+}
+
+std::string table_of_moduli(const MechanicalReport& report) {
+  if (report.moduli.empty()) return "";
+  std::string html =
+      "<h3>As moduli</h3>\n<table><thead><tr><th>Modulus</th><th class=\"n\">Value</th>"
+      "<th class=\"n\">90 % interval</th><th>Unit</th></tr></thead><tbody>\n";
+  for (const ReportModulus& m : report.moduli) {
+    html += "<tr class=\"parameter\">" + name_cell("Modulus", m.name, m.meaning);
+    html += cell("Value", "<span class=\"value\">" + format_value(m.value) + "</span>", "n");
+    html += cell("90 % interval", m.lower && m.upper ? interval(*m.lower, *m.upper) : "–", "n");
+    html += cell("Unit", escaped(format_unit(m.unit)));
+    html += "</tr>\n";
+  }
+  return html + "</tbody></table>\n";
+}
+
+std::string table_of_cords(const MechanicalReport& report) {
+  std::string rows;
+  for (const ReportMechanical& c : report.captures) {
+    if (!c.cord_friction) continue;
+    const ReportCordFriction& f = *c.cord_friction;
+    rows += "<tr>" + name_cell("Test", c.name);
+    rows += cell("Friction", format_value(f.value) + " N", "n");
+    rows += cell("90 % interval", f.determined ? interval(f.lower, f.upper) + " N" : "–", "n");
+    rows += cell("", f.determined ? "<span class=\"status fine\">determined</span>"
+                                  : "<span class=\"status warn\">▲ not determined</span>");
+    rows += "</tr>\n";
+  }
+  if (rows.empty()) return "";
+  return "<h3>Friction of the cords</h3>\n<p class=\"minor\">That pull the clips: found with the "
+         "fabric, and part of the computed forces.</p>\n"
+         "<table><thead><tr><th>Test</th><th class=\"n\">Friction</th><th class=\"n\">90 % "
+         "interval</th><th></th></tr></thead><tbody>\n" +
+         rows + "</tbody></table>\n";
+}
+
+std::string listed(const std::vector<std::string>& names) {
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
 std::string picture(const EncodedPicture& image, std::string_view alt) {
   return fmt::format("<img alt=\"{}\" width=\"{}\" height=\"{}\" src=\"{}\">", escaped(alt),
                      image.width, image.height, data_uri(image));
@@ -87,7 +200,8 @@ std::string match_of(const ReportMechanical& c, PlotPlacer& place) {
     html +=
         "<h4>Strains that occur</h4>\n<p class=\"minor\">By area, over all frames; the outermost "
         "0.5 % on either side are left out. A parameter whose strain does not occur is not "
-        "determined by this test.</p>\n";
+        "determined by this test. The diagonals bend half as much as the threads where only these "
+        "do, which says nothing of the diagonal bend.</p>\n";
     html += small_figures(c.strains, strain_plot, place);
   }
   return html + "</div>\n";
@@ -116,23 +230,67 @@ std::string mechanical_measured_section(const MechanicalReport& report, std::str
         cell("Points of the shape", c.point_count == 0 ? "none" : std::to_string(c.point_count));
     html += "</tr>\n";
   }
-  return html + "</tbody></table></section>\n";
+  return html + "</tbody></table>\n" + table_of_registrations(report) + "</section>\n";
 }
 
 std::string mechanical_match_section(const MechanicalReport& report, std::string_view id,
                                      PlotPlacer& place) {
   if (report.captures.empty()) return "";
   std::string html = heading(id, "How well it matches");
-  html += table_of_tests(report);
+  html += table_of_tests(report) + table_of_clamps(report);
   for (const ReportMechanical& capture : report.captures) html += match_of(capture, place);
   return html + "</section>\n";
 }
 
+std::string found_tables(const MechanicalReport& report) {
+  return table_of_moduli(report) + table_of_cords(report);
+}
+
+std::string stage_table(const MechanicalReport& report) {
+  if (report.stages.empty()) return "";
+  const bool halved = std::ranges::any_of(report.stages, [](const ReportStage& stage) {
+    return std::isfinite(stage.error_on_halved_cells);
+  });
+  std::string html =
+      "<h3>Stages</h3>\n<p class=\"minor\">The fits one after the other, each of what it is named "
+      "after, to the tests that isolate it. Errors are of these tests "
+      "alone.</p>\n<table><thead><tr>"
+      "<th>Stage</th><th>Tests</th><th class=\"n\">Pass</th><th class=\"n\">Control points</th>"
+      "<th class=\"n\">Error before</th><th class=\"n\">after</th>";
+  if (halved) html += "<th class=\"n\">on halved cells</th>";
+  html += "<th class=\"n\">Evaluations</th><th></th></tr></thead><tbody>\n";
+  for (const ReportStage& stage : report.stages) {
+    html += "<tr>" + name_cell("Stage", stage.name);
+    html += cell("Tests", escaped(listed(stage.captures)));
+    html += cell("Pass", std::to_string(stage.pass), "n");
+    html += cell("Control points", std::to_string(stage.points), "n");
+    html += cell("Error before", format_value(stage.error_initial), "n");
+    html += cell("after", format_value(stage.error), "n");
+    if (halved)
+      html += cell("on halved cells",
+                   std::isfinite(stage.error_on_halved_cells)
+                       ? format_value(stage.error_on_halved_cells)
+                       : "–",
+                   "n");
+    html += cell("Evaluations", std::to_string(stage.evaluations), "n");
+    html += cell("", stage.kept ? "" : "<span class=\"status held\">not kept</span>");
+    html += "</tr>\n";
+  }
+  return html + "</tbody></table>\n";
+}
+
 std::string response_figures(const MechanicalReport& report, PlotPlacer& place) {
-  if (report.responses.empty()) return "";
-  return "<h3>The fabric's curves</h3>\n<p class=\"minor\">Of a homogeneous sheet, the other "
-         "strains held at zero, over the strains that occur. Bands: 90 % intervals.</p>\n" +
-         small_figures(report.responses, response_plot, place);
+  if (report.responses.empty() && report.response_remark.empty()) return "";
+  const bool loops = std::ranges::any_of(
+      report.responses, [](const ReportResponse& response) { return !response.turns.empty(); });
+  std::string html =
+      "<h3>The fabric's curves</h3>\n<p class=\"minor\">Of a homogeneous sheet, the other strains "
+      "held at zero (the diagonal bend, of a strip on the bias, bends weft and warp half as much), "
+      "over the strains that occur. Bands: 90 % intervals.";
+  if (loops)
+    html += " Internal friction makes loops: from rest to the largest strain, to the least, back.";
+  if (!report.response_remark.empty()) html += " " + escaped(report.response_remark);
+  return html + "</p>\n" + small_figures(report.responses, response_plot, place);
 }
 
 }  // namespace weft::detail

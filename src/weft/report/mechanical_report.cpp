@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "weft/optics/raster.h"
@@ -12,6 +13,8 @@ namespace weft {
 namespace {
 
 constexpr double kMillimetres = 1000;
+/// Of a cycle.
+constexpr std::array<const char*, 3> kBranches{"from rest", "unloading", "loading"};
 
 bool moves(const ReportClip& clip) {
   return std::ranges::any_of(clip.moved, [](double way) { return way != 0; });
@@ -183,11 +186,27 @@ LinePlot response_plot(const ReportResponse& response) {
   const bool bend = !response.strain_unit.empty();
   plot.x = bend ? axis("curvature", response.strain_unit) : axis("strain", "%");
   plot.y = axis(bend ? "moment per width" : "force per width", response.stress_unit);
-  PlotSeries curve = series("", scaled(response.strain, bend ? 1 : 100), response.stress);
-  curve.colour = 1;
-  curve.lower = response.lower;
-  curve.upper = response.upper;
-  plot.series.push_back(std::move(curve));
+  const std::vector<double> strain = scaled(response.strain, bend ? 1 : 100);
+  std::vector<std::size_t> ends = response.turns;
+  if (!strain.empty()) ends.push_back(strain.size() - 1);
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < ends.size(); ++i) {
+    const auto branch = [&](const std::vector<double>& values) {
+      if (values.empty()) return values;
+      const auto at = [&](std::size_t k) {
+        return values.begin() + static_cast<std::ptrdiff_t>(k);
+      };
+      return std::vector<double>(at(first), at(ends[i] + 1));
+    };
+    PlotSeries curve = series(response.turns.empty() ? "" : kBranches[std::min<std::size_t>(i, 2)],
+                              branch(strain), branch(response.stress));
+    curve.colour = 1 + static_cast<int>(i);
+    curve.dashed = !response.turns.empty() && i == 0;
+    curve.lower = branch(response.lower);
+    curve.upper = branch(response.upper);
+    plot.series.push_back(std::move(curve));
+    first = ends[i];
+  }
   return plot;
 }
 

@@ -44,6 +44,29 @@ struct ReportShape {
   EncodedPicture measured, computed;
 };
 
+/// The force of a clamp of a scan.
+struct ReportClampForce {
+  std::string name;
+  std::optional<double> measured;  ///< N, magnitude
+  double noise = 0;                ///< N, standard deviation, of a measured one
+  double computed = 0;             ///< N, magnitude
+};
+
+/// How a grid lies on a raw scan.
+struct ReportRegistration {
+  int points = 0, inliers = 0;                  ///< of the scan; those that were used
+  double residual_median = 0, residual_95 = 0;  ///< m, of the inliers' distances to the grid
+  double strain_rms = 0;                        ///< of the grid's edges
+  int vertices = 0, unsupported = 0;            ///< of the grid; those without points near them
+};
+
+/// Friction of the cords that pull the clips of a capture.
+struct ReportCordFriction {
+  double value = 0;             ///< N
+  double lower = 0, upper = 0;  ///< 90 % interval, N
+  bool determined = true;
+};
+
 /// One mechanical capture at the estimate.
 struct ReportMechanical {
   std::string name, description, folder;
@@ -59,19 +82,48 @@ struct ReportMechanical {
   std::vector<ReportClip> clips;
   std::vector<ReportHistogram> strains;
   std::vector<ReportShape> shapes;
+  std::vector<ReportClampForce> clamps;             ///< of a scan
+  std::optional<ReportRegistration> registration;   ///< of a raw scan
+  std::optional<ReportCordFriction> cord_friction;  ///< where it was fitted
 };
 
 /// Stress against strain of the fabric (model/material_response.h).
 struct ReportResponse {
   std::string name;                      ///< "weft stretch"
   std::string strain_unit, stress_unit;  ///< "" and "N/m"; "1/m" and "N"
+  /// With internal friction in the order of a cycle: from rest up, down, and up again.
   std::vector<double> strain, stress;
   std::vector<double> lower, upper;  ///< of the stress; empty where there is no uncertainty
+  /// Where the cycle turns: indices into `strain`, ascending; empty without internal friction.
+  std::vector<std::size_t> turns;
+};
+
+/// A number that follows from the parameters, such as a Young's modulus.
+struct ReportModulus {
+  std::string name, unit, meaning;
+  double value = 0;
+  std::optional<double> lower, upper;  ///< 90 % interval; both or neither
+};
+
+/// One least-squares fit on the way to the estimate.
+struct ReportStage {
+  std::string name;                   ///< "shear", "shear, half the cells"
+  int pass = 1;                       ///< from 1
+  std::vector<std::string> captures;  ///< that it used
+  int points = 1;                     ///< control points of its curve
+  double error_initial = 0, error = 0;
+  /// On cells of half the width; NaN: not asked.
+  double error_on_halved_cells = std::numeric_limits<double>::quiet_NaN();
+  std::size_t evaluations = 0;
+  bool kept = true;  ///< false: its parameters were not taken over
 };
 
 struct MechanicalReport {
   std::vector<ReportMechanical> captures;
   std::vector<ReportResponse> responses;
+  std::string response_remark;  ///< a sentence that goes with `responses`; may be empty
+  std::vector<ReportModulus> moduli;
+  std::vector<ReportStage> stages;
 };
 
 /// Force against the way of the clip that moves most, measured as points, computed as a line with
@@ -80,6 +132,7 @@ LinePlot force_plot(const ReportMechanical& capture);
 /// Distance to the measured shape by frame, mean and largest, mm.
 LinePlot shape_distance_plot(const ReportMechanical& capture);
 LinePlot strain_plot(const ReportHistogram& histogram);
+/// With internal friction a line a branch: "from rest", "unloading", "loading".
 LinePlot response_plot(const ReportResponse& response);
 
 /// A surface from above and in front, orthographic, lit from the viewer: coloured by `values` (one

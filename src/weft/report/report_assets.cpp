@@ -82,8 +82,9 @@ td .minor, .minor { color: var(--soft); font-size: 13px; }
 .weak .track .estimate { background: var(--ground); border-color: var(--faint); }
 .ends { display: flex; justify-content: space-between; color: var(--soft); font-size: 12px;
   margin-top: 7px; gap: 12px; }
-.figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 500px), 1fr));
+.figures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 500px), 1fr));
   gap: 20px 28px; align-items: start; margin: 16px 0; }
+.figures:not(:has(*)) { display: none; }
 .figures.small { grid-template-columns: repeat(auto-fit, minmax(min(100%, 320px), 1fr)); }
 figure { margin: 0; min-width: 0; }
 .plot .scroll { overflow-x: auto; }

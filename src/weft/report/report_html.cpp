@@ -236,7 +236,7 @@ bool holds_mesh(const Report& report) {
   });
 }
 
-std::string found_section(const Report& report) {
+std::string found_section(const Report& report, const MechanicalReport& mechanical) {
   if (report.parameters.empty()) return "";
   const bool with_intervals = std::ranges::any_of(
       report.parameters, [](const ReportParameter& p) { return p.interval_upper.has_value(); });
@@ -288,8 +288,7 @@ std::string found_section(const Report& report) {
           "would "
           "move by on cells of half the width.";
   }
-  html += "</p></section>\n";
-  return html;
+  return html + "</p>\n" + found_tables(mechanical) + "</section>\n";
 }
 
 // ---- How well it matches
@@ -546,12 +545,14 @@ std::string sure_section(const Report& report, const MechanicalReport& mechanica
 
 // ---- Progress, matrix
 
-std::string search_section(const Report& report, PlotPlacer& place) {
+std::string search_section(const Report& report, const MechanicalReport& mechanical,
+                           PlotPlacer& place) {
   if (report.history.empty()) return "";
   std::string html =
       "<section id=\"search\"><h2>Progress of the search</h2>\n<div class=\"figures\">\n";
   LinePlot errors = search_plot(report.history);
   errors.width = kPlotWidth;
+  errors.title = "Error";
   html +=
       place(errors,
             "One point an evaluation; triangles at the upper edge are simulations that diverged. "
@@ -565,7 +566,7 @@ std::string search_section(const Report& report, PlotPlacer& place) {
         place(temperature,
               "At a high temperature the search accepts worse points often, at a low one hardly.");
   }
-  return html + "</div></section>\n";
+  return html + "</div>\n" + stage_table(mechanical) + "</section>\n";
 }
 
 std::string matrix_section(const Report& report, PlotPlacer& place) {
@@ -647,11 +648,11 @@ std::string page(const Report& report, const std::vector<CapturePictures>& pictu
   std::string body =
       measured_section(report) +
       mechanical_measured_section(mechanical, videos ? "tests-measured" : "measured");
-  body += found_section(report);
+  body += found_section(report, mechanical);
   body += match_section(report, pictures, place) +
           mechanical_match_section(mechanical, videos ? "tests-match" : "match", place);
   body += sure_section(report, mechanical, place);
-  body += search_section(report, place);
+  body += search_section(report, mechanical, place);
   body += matrix_section(report, place);
   body += made_section(report);
   return fmt::format(

@@ -7,9 +7,9 @@
 
 namespace weft {
 
-/// result.json (docs/formats.md): everything that a report shows but the pictures, and how it was
-/// made. A number that is not finite is null, and "KEY_not_finite" beside it says which:
-/// "infinity",
+/// result.json (docs/formats.md) without what the subcommands add of mechanical captures and scans:
+/// everything else that a report shows but the pictures, and how it was made. A number that is not
+/// finite is null, and "KEY_not_finite" beside it says which: "infinity",
 /// "-infinity" or "nan"; for an array, an object from index to that word. An absent optional value
 /// is null alone.
 std::string result_to_json(const Report& report);
