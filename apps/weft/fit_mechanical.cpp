@@ -222,8 +222,9 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   for (std::size_t i = 0; i < trials.size(); ++i)
     evaluations.push_back(compare_mechanical(*trials[i], frames[i]));
   const Report report = make_report(arguments, found.free, fit, names);
-  MechanicalReport shown = report_of_mechanical(trials, frames, evaluations, fit.fabric,
-                                                fit.intervals, fit.certainty.correlation, fit.cord_friction);
+  MechanicalReport shown =
+      report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,
+                           fit.certainty.correlation, fit.cord_friction);
   if (arguments.curves) shown.stages = report_stages(found, captures, arguments.curves->symmetry);
   write_text(out / "result.json", result_text(report, captures, evaluations, found, shown));
   write_report_html(out / "report.html", report, {}, shown);

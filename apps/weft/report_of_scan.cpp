@@ -100,7 +100,7 @@ MatX interval_covariance(const ScanFitResult& fit) {
       const ParameterInterval& a = fit.intervals[static_cast<std::size_t>(i)];
       const ParameterInterval& b = fit.intervals[static_cast<std::size_t>(j)];
       if (!a.determined || !b.determined) continue;
-      const double correlation = i == j ? 1 : fit.correlation(i, j);
+      const double correlation = i == j ? 1 : fit.certainty.correlation(i, j);
       if (std::isfinite(correlation)) covariance(i, j) = correlation * a.half_width * b.half_width;
     }
   }
