@@ -94,6 +94,7 @@ void run(const Arguments& arguments) {
   }
   if (!arguments.keep.empty()) check_output_file(arguments.keep);
   const Comparison c = compare_fabrics(arguments, std::move(fabrics), captures);
+  end_if_stopped(interrupted(), "nothing was compared");
   print_table(c);
   if (!arguments.out.empty()) write_plots(arguments, c);
   if (!arguments.keep.empty()) {

@@ -313,6 +313,15 @@ Sureness sureness_of(const Problem& problem, const FitResult& fit, const TrialAr
   return sure;
 }
 
+/// The default list may name what is not searched.
+void check_coarse(const std::vector<std::string>& coarse, const std::vector<std::string>& free) {
+  if (coarse == FitOptions().coarse_parameters) return;
+  for (const std::string& name : coarse)
+    if (std::ranges::find(free, name) == free.end())
+      throw Error(
+          fmt::format("--coarse: {} is not searched; these are: {}", name, fmt::join(free, ", ")));
+}
+
 void run(const Arguments& arguments) {
   const InterruptGuard guard;
   const std::filesystem::path out = arguments.out;
@@ -327,12 +336,13 @@ void run(const Arguments& arguments) {
                     arguments.initial));
   check_parameters("--parameters", initial.model, arguments.parameters);
   check_parameters("--coarse", initial.model, arguments.coarse);
+  const std::vector<std::string> free =
+      arguments.parameters.empty() ? initial.value_names() : arguments.parameters;
+  check_coarse(arguments.coarse, free);
   std::vector<std::string> stores{kStoreName};
   if (!arguments.tests.empty()) stores.emplace_back(kMechanicalStoreName);
   prepare_fit_folder(out, stores, arguments.overwrite ? Existing::overwrite : Existing::refuse);
   const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
-  const std::vector<std::string> free =
-      arguments.parameters.empty() ? initial.value_names() : arguments.parameters;
   std::optional<MechanicalBeside> tests;
   if (!arguments.tests.empty()) tests.emplace(tests_of(arguments), initial, free);
   const Problem problem(trials, tests ? tests->fabric() : initial, free, {}, priors,
@@ -431,6 +441,9 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, video_option_names(), "scans");
   refuse_options(command, kMechanicalFitOptions, "scans");
   refuse_options(command, {"--start"}, "scans");
+  refuse_without(command, "--random-starts", {"--seed"});
+  if (arguments.scan_fit.schedule != "alternating" && command.count("--rounds") > 0)
+    throw Error("--rounds: only with --schedule alternating");
   ScanFitArguments fit = arguments.scan_fit;
   fit.mesh_error = mesh_error_of(arguments);
   fit.captures = arguments.captures;
@@ -450,6 +463,7 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
 }
 
 void run_by_kind(Arguments& arguments, const CLI::App& command) {
+  refuse_twice(arguments.captures);
   std::size_t scans = 0;
   for (const std::string& folder : arguments.captures) {
     const CaptureKind kind = capture_kind(folder);

@@ -70,7 +70,8 @@ void run(Arguments arguments) {
   const Landscape surface =
       landscape(problem, fabric, options, nullptr, progress_observer("landscape"));
   write_plot(arguments.out, surface_map(to_report(surface, fabric, capture.name)));
-  fmt::print("{}{}\n", arguments.out, surface.stopped ? " (stopped early)" : "");
+  end_if_stopped(surface.stopped, arguments.out + " has gaps");
+  fmt::print("{}\n", arguments.out);
 }
 
 }  // namespace

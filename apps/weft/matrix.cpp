@@ -58,6 +58,7 @@ void run(const Arguments& arguments) {
   const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
   const CrossEvaluation cross =
       cross_evaluate(fabrics, trials, arguments.trial.threads(), progress_observer("matrix"));
+  end_if_stopped(interrupted(), "no matrix was written");
   const ReportMatrix matrix = to_report(cross, fabrics, trials);
   write_plot(out / "matrix.svg", matrix_map(matrix));
   write_plot(out / "matrix_lines.svg", matrix_plot(matrix));

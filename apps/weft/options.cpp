@@ -6,8 +6,11 @@
 #include <cstdlib>
 #include <fstream>
 #include <limits>
+#include <regex>
+#include <set>
 #include <utility>
 
+#include "command_line.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/number_text.h"
@@ -85,7 +88,18 @@ TrialOptions TrialArguments::options() const {
   return options;
 }
 
+void refuse_twice(const std::vector<std::string>& folders) {
+  std::set<std::filesystem::path> seen;
+  for (const std::string& folder : folders) {
+    std::error_code failure;
+    const auto path = std::filesystem::weakly_canonical(folder, failure);
+    if (!failure && !seen.insert(path).second)
+      throw Error(fmt::format("captures: {} is given twice", folder));
+  }
+}
+
 std::vector<Capture> read_captures(const std::vector<std::string>& folders) {
+  refuse_twice(folders);
   std::vector<Capture> captures;
   for (const std::string& folder : folders) captures.push_back(read_capture(folder));
   return captures;
@@ -120,6 +134,14 @@ void prepare_output_folder(const std::filesystem::path& folder,
   std::filesystem::remove(probe, failure);
 }
 
+void remove_results(const std::filesystem::path& folder, const std::string& pattern) {
+  const std::regex name(pattern);
+  std::vector<std::filesystem::path> found;
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
+    if (std::regex_match(entry.path().filename().string(), name)) found.push_back(entry.path());
+  for (const std::filesystem::path& path : found) std::filesystem::remove(path);
+}
+
 void check_output_file(const std::filesystem::path& path) {
   std::error_code ignored;
   const bool existed = std::filesystem::exists(path, ignored);
@@ -142,6 +164,19 @@ void refuse_without(const CLI::App& command, const std::string& needed,
   if (command.count(needed) > 0) return;
   for (const std::string& name : names)
     if (command.count(name) > 0) throw Error(fmt::format("{}: only with {}", name, needed));
+}
+
+void refuse_beside(const CLI::App& command, const std::string& other,
+                   const std::vector<std::string>& names) {
+  if (command.count(other) == 0) return;
+  for (const std::string& name : names)
+    if (command.count(name) > 0) throw Error(fmt::format("{}: not with {}", name, other));
+}
+
+void end_if_stopped(bool stopped, const std::string& left) {
+  if (!stopped) return;
+  fmt::print("stopped before the end: {}\n", left);
+  throw CLI::RuntimeError(stopped_early);
 }
 
 CLI::Validator number_in(double lower, double upper) {

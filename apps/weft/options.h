@@ -37,6 +37,9 @@ class TrialArguments {
   static std::string default_cache_folder();
 };
 
+/// Throws Error for a folder that is given twice, under whatever path: it would count double.
+void refuse_twice(const std::vector<std::string>& folders);
+/// Throws Error as read_capture and refuse_twice do.
 std::vector<Capture> read_captures(const std::vector<std::string>& folders);
 
 /// Makes the folder if needed. Throws Error if it cannot be made or written to, or if it holds one
@@ -44,6 +47,10 @@ std::vector<Capture> read_captures(const std::vector<std::string>& folders);
 enum class Existing { refuse, overwrite };
 void prepare_output_folder(const std::filesystem::path& folder,
                            const std::vector<std::string>& results, Existing existing);
+
+/// Removes the files of an earlier run from `folder`: those whose whole name `pattern` (a regular
+/// expression, ECMAScript) matches.
+void remove_results(const std::filesystem::path& folder, const std::string& pattern);
 
 /// Throws Error if a file cannot be written at `path`: asked before the work whose result goes
 /// there. Leaves what is there as it is.
@@ -60,6 +67,13 @@ void refuse_options(const CLI::App& command, const std::vector<std::string>& nam
 /// Throws Error for those of `names` that were given without `needed`, "--rig".
 void refuse_without(const CLI::App& command, const std::string& needed,
                     const std::vector<std::string>& names);
+/// Throws Error for those of `names` that were given beside `other`, which says it already.
+void refuse_beside(const CLI::App& command, const std::string& other,
+                   const std::vector<std::string>& names);
+
+/// If `stopped` (by Ctrl-C), says so, with `left`: what was left out or written; and ends the
+/// program with the status stopped_early.
+void end_if_stopped(bool stopped, const std::string& left);
 
 /// Accepts a number from `lower` to `upper`; CLI::Range lets NaN pass.
 CLI::Validator number_in(double lower, double upper);

@@ -63,13 +63,17 @@ void run(const Arguments& arguments) {
   const Motion3d motion =
       arguments.fabric.empty() ? read_motion(arguments) : simulate_motion(arguments, capture);
   Renderer renderer(capture.rig, motion.mesh, arguments.trial.options().render);
+  if (arguments.overwrite) remove_results(out, R"(frame_\d{4,}\.png)");
   Progress progress("render", motion.frames.size());
-  for (std::size_t k = 0; k < motion.frames.size() && !interrupted(); ++k) {
+  std::size_t k = 0;
+  for (; k < motion.frames.size() && !interrupted(); ++k) {
     write_png(out / fmt::format("frame_{:04d}.png", k),
               renderer.render(motion.frames[k]).intensity);
     progress.update(k + 1);
   }
   progress.finish();
+  end_if_stopped(k < motion.frames.size(),
+                 fmt::format("{} of {} frames were rendered", k, motion.frames.size()));
   fmt::print("{}\n", (out / "frame_0000.png").string());
 }
 

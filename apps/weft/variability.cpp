@@ -58,8 +58,10 @@ void run(const Arguments& arguments) {
     rows.push_back(report_parameter(problem.info(index), fabric, &curve));
     write_plot(out / (curve.name + ".svg"), perturbation_plot(report_perturbation(curve)));
   }
-  write_plot(out / "variability.svg", variability_chart(rows));
+  if (!rows.empty()) write_plot(out / "variability.svg", variability_chart(rows));
   print_table(curves, fabric);
+  end_if_stopped(curves.size() < names.size(),
+                 fmt::format("{} of {} parameters are there", curves.size(), names.size()));
   fmt::print("{}\n", (out / "variability.svg").string());
 }
 

@@ -236,6 +236,18 @@ TEST_F(BadInput, AnOutputFolderWithAnotherRunInIt) {
   refused("capture.toml", {"synthesize", "--fabric", "satin"});
 }
 
+TEST_F(BadInput, ACaptureGivenTwice) {
+  const std::string again = capture() + "/../c/";
+  const std::string reason = "captures: " + again + " is given twice";
+  EXPECT_EQ(refusal({"fit", capture(), again, "--out", path("out")}), reason);
+  EXPECT_EQ(refusal({"variability", capture(), again, "--fabric", "satin", "--out", path("out")}),
+            reason);
+  EXPECT_EQ(refusal({"matrix", capture(), again, "--fabrics", "satin", "--out", path("out")}),
+            reason);
+  EXPECT_EQ(refusal({"compare", capture(), again, "--fabrics", "satin"}), reason);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+}
+
 TEST_F(BadInput, Commands) {
   EXPECT_THAT(refusal({"fti", "x"}), AllOf(StartsWith("\"fti\" is no command"), HasSubstr("fit")));
   EXPECT_THAT(refusal({}), HasSubstr("subcommand is required"));
@@ -265,6 +277,9 @@ TEST_F(BadInput, Options) {
   EXPECT_THAT(refusal({"fit", capture(), "--out", path("out"), "--method", "annealing", "--coarse",
                        "bend"}),
               AllOf(StartsWith("--coarse: "), HasSubstr("\"bend\"")));
+  EXPECT_THAT(refusal({"fit", capture(), "--out", path("out"), "--method", "annealing", "--coarse",
+                       "bend_stiffness", "--parameters", "shear_stiffness"}),
+              StartsWith("--coarse: bend_stiffness is not searched; these are: shear_stiffness"));
   EXPECT_THAT(fit("--method", "newton"), AllOf(HasSubstr("--method"), HasSubstr("annealing")));
   EXPECT_THAT(fit("--initial", "silk"), HasSubstr("\"silk\""));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "out")) << "refused, but the folder was made";

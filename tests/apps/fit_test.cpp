@@ -129,6 +129,30 @@ TEST_F(Fit, StopsOnCtrlCAndContinues) {
   EXPECT_GE(rows_of(folder_ / "out/evaluations.sqlite").size(), made);
 }
 
+TEST_F(Fit, OtherCommandsSayThatTheyWereStopped) {
+  write_fabric(folder_ / "truth.toml", truth());
+  // Far more than there is time for.
+  ChildProcess child(command({"landscape", path("c"), "--grid", "13", "--count", "300", "--fabric",
+                              path("truth.toml"), "--out", path("l.svg")}));
+  ASSERT_TRUE(child.wait_for("landscape: 1/")) << child.err();
+  child.send(SIGINT);
+  child.wait();
+  EXPECT_EQ(child.status(), 130) << child.err();
+  EXPECT_THAT(child.out(), HasSubstr("stopped before the end: " + path("l.svg") + " has gaps"));
+}
+
+TEST_F(Fit, RenderingAgainRemovesFramesOfALongerMotion) {
+  write_fabric(folder_ / "truth.toml", truth());
+  for (const std::string name : {"frame_0002.png", "frame_0003.png", "frame_0000.png", "own.png"})
+    write("r/" + name, "old");
+  const Outcome run = weft({"render", path("c"), "--fabric", path("truth.toml"), "--grid", "13",
+                            "--out", path("r"), "--overwrite"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_NE(text_of(folder_ / "r/frame_0002.png"), "old");
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "r/frame_0003.png"));
+  EXPECT_EQ(text_of(folder_ / "r/own.png"), "old");
+}
+
 TEST_F(Fit, ProfileOfAParameterAboutAFabric) {
   write_fabric(folder_ / "truth.toml", truth());
   const Outcome run = weft({"profile", path("c"), "--fabric", path("truth.toml"), "--grid", "13",
