@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <csignal>
 #include <filesystem>
 #include <limits>
@@ -186,6 +187,32 @@ TEST(RunFit, StopsOnASignalWithTheBestSoFar) {
   // Two moves are made at a time.
   EXPECT_LE(result.history.size(), 1u + 64 + 4 + 12);
   EXPECT_LT(result.final.error, result.initial.error);
+}
+
+// A signal while the finalists are compared: those that were not begun are left out.
+TEST(RunFit, StopsOnASignalAmongTheFinalists) {
+  const InterruptGuard guard;
+  std::atomic<int> after = 0;
+  std::atomic<bool> coarse = true;
+  FitOptions options = quick();
+  options.threads = 1;
+  options.coarse_finalists = 6;
+  const Problem known = bowl();
+  const Problem problem(known.trials(), known.initial(), kFree,
+                        [&](const Fabric& fabric, int frames) {
+                          if (frames == 0 && !coarse && ++after == 2) std::raise(SIGINT);
+                          return known.evaluator()(fabric, frames);
+                        });
+  const FitResult result = run_fit(problem, options, nullptr, [&](const FitProgress& progress) {
+    if (progress.step.phase == "coarse") coarse = false;
+    return true;
+  });
+  EXPECT_TRUE(result.stopped);
+  std::size_t finalists = 0;
+  for (const FitStep& step : result.history) finalists += step.phase == "finalists";
+  EXPECT_EQ(finalists, 2u);
+  EXPECT_EQ(result.start.error, result.initial.error);
+  EXPECT_LE(result.final.error, result.initial.error);
 }
 
 TEST(RunFit, GoesOnPastDivergedSimulationsAndCountsThem) {

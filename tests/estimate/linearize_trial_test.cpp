@@ -325,6 +325,16 @@ TEST_F(LinearizeTest, AFitStopsWhenToldTo) {
   EXPECT_EQ(result.final.error, evaluate(problem(), result.fabric).error);
 }
 
+TEST_F(LinearizeTest, AFitThatIsStoppedBeforeItsLastDescentStartedAtTheMiddle) {
+  const FitResult result =
+      run_least_squares_fit(problem(), small_fit(), nullptr,
+                            [](const FitProgress& p) { return p.step.phase != "all frames"; });
+  EXPECT_TRUE(result.stopped);
+  EXPECT_GT(result.start.error, 0);
+  EXPECT_EQ(result.start.error, result.initial.error);
+  EXPECT_EQ(result.start.error, evaluate(problem(), result.start_fabric).error);
+}
+
 TEST_F(LinearizeTest, AFitRejectsBadOptions) {
   for (const auto& spoil : {+[](LeastSquaresFitOptions& o) { o.stages.clear(); },
                             +[](LeastSquaresFitOptions& o) { o.stages[0].survivors = 0; },

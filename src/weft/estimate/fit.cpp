@@ -164,12 +164,16 @@ class Fit {
                      [&](std::size_t a, std::size_t b) { return errors[a] < errors[b]; });
     const auto count = std::min(grid.size(), static_cast<std::size_t>(options_.coarse_finalists));
     if (count == 1) return grid[order[0]];
-    std::vector<double> full(count);
+    std::vector<double> full(count, std::numeric_limits<double>::quiet_NaN());
     const ErrorFunction error = error_function(0, "finalists", 1);
-    parallel_for(count, options_.threads, [&](std::size_t i) { full[i] = error(grid[order[i]]); });
+    parallel_for(count, options_.threads, [&](std::size_t i) {
+      if (!interrupted()) full[i] = error(grid[order[i]]);
+    });
+    if (interrupted()) stopped_ = true;
     double best = kInfinity;
     std::size_t winner = 0;
     for (std::size_t i = 0; i < count; ++i) {
+      if (std::isnan(full[i])) continue;  // left out
       if (full[i] < best) {
         best = full[i];
         winner = i;

@@ -63,7 +63,8 @@ struct FitResult {
   Fabric fabric;  ///< the estimate; name and density as in problem.initial()
   VecX scaled;
   ProblemEvaluation initial;  ///< at the middle of all ranges (scaled 0.5), all frames
-  ProblemEvaluation start;    ///< where annealing started, all frames
+  /// Where annealing started, all frames; `initial` where it was stopped before.
+  ProblemEvaluation start;
   Fabric start_fabric;
   ProblemEvaluation final;  ///< of the estimate, all frames
   /// Weight of the priors, in the unit of the error, and what they add to the error at the

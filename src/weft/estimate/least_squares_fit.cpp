@@ -219,7 +219,7 @@ class LeastSquaresFit {
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
       if (!stopped_) descents[i] = improve(stage, candidates[i]);
     });
-    if (&stage == &options_.stages.back()) {
+    if (&stage == &options_.stages.back() && descents.front().end.size() > 0) {
       result_.start_fabric = problem_.fabric(candidates.front().scaled);
       result_.start = descents.front().start;
     }
@@ -262,10 +262,11 @@ class LeastSquaresFit {
   void compare_candidates(const FitStage& stage, std::vector<Candidate>& candidates) {
     std::vector<StoredEvaluation> evaluations(candidates.size());
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
-      if (stopped_) return;
+      if (interrupted()) return;
       evaluations[i] = evaluate_stored(problem_, problem_.fabric(candidates[i].scaled),
                                        stage.frames, phase_of(stage), store_, 1);
     });
+    if (interrupted()) stopped_ = true;  // some were left out
     for (std::size_t i = 0; i < candidates.size() && !stopped_; ++i) {
       result_.replayed += evaluations[i].replayed;
       candidates[i].cost = evaluations[i].evaluation.error;

@@ -48,7 +48,8 @@ struct LeastSquaresFitOptions {
 /// from coarse to fine: screening on a few frames, then LevenbergMarquardt stage by stage over more
 /// frames and narrower losses. The estimate is the point
 /// with the smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all
-/// frames. FitResult::start is where the last stage started; there are no variability curves. Full
+/// frames. FitResult::start is where the last stage started (FitResult::initial if it was stopped
+/// before); there are no variability curves. Full
 /// evaluations are added to `store`, and those that are not part of a linearization are replayed
 /// from it. Deterministic for a seed, whatever the number of threads. Throws Error for options out
 /// of range and for a problem with an evaluator of its own.
