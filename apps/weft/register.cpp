@@ -15,10 +15,12 @@
 #include "weft/base/error.h"
 #include "weft/base/text_file.h"
 #include "weft/capture/landmark_file.h"
+#include "weft/capture/material_cover.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/hung_start.h"
 #include "weft/registration/landmarks.h"
 #include "weft/registration/nonrigid_icp.h"
+#include "weft/registration/registration_checks.h"
 #include "weft/report/plot.h"
 #include "weft/vision/video.h"
 
@@ -33,6 +35,7 @@ struct Arguments {
   std::string landmarks;
   std::string held, gravity = "0,0,-9.81";
   std::string u_axis = "1,0,0", v_axis = "0,0,-1";
+  bool axes_given = false;
   int grid = 41;
   double unit = 1;
   double stamp = 0;
@@ -66,7 +69,20 @@ GridTemplate read_template(const Arguments& arguments) {
 /// The shape in an OBJ whose vt are (u, v) in m, at the vertices of the grid.
 Points read_start(const std::string& path, const GridTemplate& grid) {
   const MaterialSurface start = read_material_surface(path);
+  check_covers_swatch(start.mesh, grid.width, grid.height, path);
   return interpolate(start.mesh, MaterialLocator(start.mesh), start.x, grid.mesh.material);
+}
+
+/// Flat, and turned as the axes say.
+std::vector<RegistrationStart> starts_by_axes(const Arguments& arguments, const GridTemplate& grid,
+                                              const Scan& scan, const ScanGeometry& geometry) {
+  constexpr double least_sine = 0.1;  // 6 degrees
+  const Vec3 u = direction("--u-axis", arguments.u_axis);
+  const Vec3 v = direction("--v-axis", arguments.v_axis);
+  if (u.cross(v).norm() < least_sine)
+    throw Error(fmt::format("--u-axis {}: is along --v-axis {}; the two must be across",
+                            arguments.u_axis, arguments.v_axis));
+  return flat_starts(grid, scan, geometry, u, v);
 }
 
 std::vector<RegistrationStart> first_starts(const Arguments& arguments, const GridTemplate& grid,
@@ -78,8 +94,7 @@ std::vector<RegistrationStart> first_starts(const Arguments& arguments, const Gr
   if (landmarks.size() >= 3)
     starts.push_back({flat_start(grid, landmarks), {}});
   else
-    starts = flat_starts(grid, scan, geometry, direction("--u-axis", arguments.u_axis),
-                         direction("--v-axis", arguments.v_axis));
+    starts = starts_by_axes(arguments, grid, scan, geometry);
   if (held.empty()) return starts;
   HungStartOptions hang;
   const auto gravity = numbers_in("--gravity", arguments.gravity, ',', 3);
@@ -184,12 +199,6 @@ std::string vertex_rows(const GridTemplate& grid, const ScanRegistration& regist
   return text;
 }
 
-int unsupported_count(const ScanRegistration& registration) {
-  int count = 0;
-  for (int v = 0; v < registration.weight.size(); ++v) count += !registration.supported(v);
-  return count;
-}
-
 /// How the distances of the inliers are spread.
 LinePlot residual_plot(const ScanRegistration& registration) {
   constexpr int bins = 60;
@@ -246,7 +255,7 @@ nlohmann::json summary(int frame, const ScanRegistration& r) {
           {"reach", r.reach},
           {"landmark_rms", r.landmark_rms},
           {"strain_rms", r.strain_rms},
-          {"unsupported_vertices", unsupported_count(r)},
+          {"unsupported_vertices", unsupported_vertices(r)},
           {"steps", r.rounds}};
 }
 
@@ -259,17 +268,45 @@ void print_line(const nlohmann::json& s) {
       100 * s["strain_rms"].get<double>(), s["unsupported_vertices"].get<int>());
 }
 
+/// Of a sequence the scan `k`. Landmarks are on the first.
+ScanSource source_of(const Arguments& arguments, std::size_t scans, std::size_t k) {
+  ScanSource source{arguments.scan, "--unit", k == 0 ? arguments.landmarks : std::string()};
+  if (scans > 1) source.scan += fmt::format(": frame {}", k);
+  return source;
+}
+
+void print_doubts(int frame, const ScanRegistration& registration) {
+  for (const std::string& doubt : registration_doubts(registration))
+    fmt::print(stderr, "warning: frame {}: {}\n", frame, doubt);
+}
+
+/// What asks for a sequence, given one scan.
+void refuse_for_one(const Arguments& arguments) {
+  const char* option = arguments.print              ? "--print"
+                       : arguments.pictures.empty() ? nullptr
+                                                    : "--pictures";
+  if (option)
+    throw Error(fmt::format("{}: only with a sequence; {} is one scan", option, arguments.scan));
+}
+
 void run(const Arguments& arguments) {
   const std::filesystem::path out = arguments.out;
   const GridTemplate grid = read_template(arguments);
   std::vector<Landmark> landmarks;
   if (!arguments.landmarks.empty()) landmarks = read_landmarks(arguments.landmarks);
+  if (arguments.axes_given && landmarks.size() >= 3)
+    throw Error("--u-axis, --v-axis: not with three landmarks or more, which place the sheet");
   std::vector<Landmark> held;
   if (!arguments.held.empty()) held = read_landmarks(arguments.held);
   const std::vector<Scan> scans = read_scans(arguments.scan, arguments.unit);
+  if (scans.size() == 1) refuse_for_one(arguments);
+  for (std::size_t k = 0; k < scans.size(); ++k)
+    check_scan_extent(scans[k], grid, source_of(arguments, scans.size(), k));
   prepare_output_folder(out, {"registration.json", "registered.obj"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
 
+  const std::string results =
+      R"(registered\.(obj|pc2)|vertices\.csv|registration\.json|(residuals|distance)\.(svg|csv))";
   const double cell = std::min(grid.cell_u(), grid.cell_v());
   const double size = std::sqrt(grid.width * grid.height);
   Print print(arguments, grid, scans);
@@ -302,12 +339,15 @@ void run(const Arguments& arguments) {
     if (print.on()) {
       registration = print.follow(k, scan, geometry, std::move(registration), options, tracked);
     }
+    check_registration(registration, scan, grid, source_of(arguments, scans.size(), k));
     frames.push_back(summary(frame, registration));
     frames.back()["print_landmarks"] = tracked;
     frames.back()["stamp_crossings"] = crossings;
     if (!arguments.json) print_line(frames.back());
+    print_doubts(frame, registration);
     vertices += vertex_rows(grid, registration, frame);
     if (k == 0) {
+      if (arguments.overwrite) remove_results(out, results);
       write_obj(out / "registered.obj", grid.mesh, registration.x,
                 fmt::format("registered to {}", arguments.scan));
       write_plot(out / "residuals.svg", residual_plot(registration));
@@ -383,7 +423,7 @@ void add_register(CLI::App& app) {
       "the scans' axes (m) to px");
   command
       ->add_option("--u-axis", arguments->u_axis,
-                   "where u runs, about, in the scan's axes (without --start and landmarks)")
+                   "where u runs, about, in the scan's axes (without --start and three landmarks)")
       ->capture_default_str();
   command->add_option("--v-axis", arguments->v_axis, "where v runs, about")->capture_default_str();
   command
@@ -411,6 +451,9 @@ void add_register(CLI::App& app) {
   command->footer("Example:\n  weft register scan.ply --swatch 0.5x0.5 --out registered");
   command->callback([arguments, command] {
     refuse_without(*command, "--held", {"--gravity"});
+    refuse_without(*command, "--stamp", {"--stamp-origin"});
+    refuse_beside(*command, "--start", {"--gravity", "--u-axis", "--v-axis"});
+    arguments->axes_given = command->count("--u-axis") + command->count("--v-axis") > 0;
     run(*arguments);
   });
 }

@@ -11,6 +11,7 @@
 namespace weft {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 class Register : public ProgramTest {
@@ -97,6 +98,75 @@ TEST_F(Register, FollowsASequenceAndAStampedGrid) {
   EXPECT_LT(error_of(mesh, 0), 0.0015);
   mesh.positions = cache.frames[1];
   EXPECT_LT(error_of(mesh, 0.01), 0.0015);
+}
+
+TEST_F(Register, RefusesASheetThatItDoesNotFind) {
+  // In mm, without --unit; all on one line; landmarks in mm.
+  Rng rng(1);
+  std::string mm, line;
+  for (int k = 0; k < 2000; ++k) {
+    mm += fmt::format("{} 0 {}\n", rng.uniform(0, 200), rng.uniform(-200, 0));
+    line += fmt::format("{} 0 0\n", rng.uniform(0, 0.2));
+  }
+  write("mm.xyz", mm);
+  write("line.xyz", line);
+  write("scan.csv", points(0, 6000));
+  write("marks.csv", "u_m,v_m,x_m,y_m,z_m\n0,0,-84,54,0\n0.2,0,84,54,0\n0,0.2,-84,54,-200\n");
+  const auto refused = [&](const std::string& scan, std::vector<std::string> more) {
+    std::vector<std::string> words{"register", path(scan), "--swatch", "0.2x0.2",
+                                   "--grid",   "9",        "--out",    path("out")};
+    words.insert(words.end(), more.begin(), more.end());
+    return refusal(words);
+  };
+  EXPECT_THAT(refused("mm.xyz", {}), AllOf(HasSubstr("mm.xyz: it is 19"), HasSubstr("--unit")));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+  EXPECT_THAT(refused("line.xyz", {}), HasSubstr("line.xyz: the swatch was not found"));
+  EXPECT_THAT(refused("scan.csv", {"--landmarks", path("marks.csv")}),
+              AllOf(HasSubstr("scan.csv: the swatch was not found"), HasSubstr("marks.csv in m")));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out/registration.json"));
+}
+
+TEST_F(Register, WarnsOfAGridThatHangsInTheAir) {
+  write("part.csv", points(0, 6000));
+  const Outcome outcome = weft({"register", path("part.csv"), "--swatch", "0.4x0.2", "--grid", "13",
+                                "--out", path("out"), "--overwrite", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("warning: frame 0: "));
+  EXPECT_THAT(outcome.err, HasSubstr("vertices are without points of the scan"));
+}
+
+TEST_F(Register, OverwritingRemovesWhatAnotherRunLeft) {
+  write("scan.csv", points(0, 6000));
+  write("out/registered.pc2", "old");
+  write("out/registration.json", "old");
+  write("out/notes.txt", "mine");
+  const Outcome outcome = weft({"register", path("scan.csv"), "--swatch", "0.2x0.2", "--grid", "9",
+                                "--out", path("out"), "--overwrite"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out/registered.pc2"));
+  EXPECT_NE(text_of(folder_ / "out/registration.json"), "old");
+  EXPECT_EQ(text_of(folder_ / "out/notes.txt"), "mine");
+}
+
+TEST_F(Register, RefusesOptionsThatMeanNothing) {
+  write("scan.csv", points(0, 200));
+  write("marks.csv", "u_m,v_m,x_m,y_m,z_m\n0,0,0,0,0\n0.2,0,1,0,0\n0,0.2,0,0,1\n");
+  write_obj(folder_ / "small.obj", make_swatch(0.1, 0.1, 3, 3), Points::Zero(3, 9), "");
+  const auto refused = [&](std::vector<std::string> more) {
+    std::vector<std::string> words{"register",  path("scan.csv"), "--out",
+                                   path("out"), "--swatch",       "0.2x0.2"};
+    words.insert(words.end(), more.begin(), more.end());
+    return refusal(words);
+  };
+  EXPECT_EQ(refused({"--stamp-origin", "0,0"}), "--stamp-origin: only with --stamp");
+  EXPECT_THAT(refused({"--print"}), HasSubstr("--print: only with a sequence"));
+  EXPECT_THAT(refused({"--u-axis", "1,0,0", "--landmarks", path("marks.csv")}),
+              HasSubstr("not with three landmarks"));
+  EXPECT_THAT(refused({"--u-axis", "0,0,1"}), HasSubstr("is along --v-axis 0,0,-1"));
+  EXPECT_EQ(refused({"--start", path("small.obj"), "--v-axis", "0,1,0"}),
+            "--v-axis: not with --start");
+  EXPECT_THAT(refused({"--start", path("small.obj")}),
+              HasSubstr("small.obj: vt: (u, v) from (0, 0) to (0.1, 0.1); the swatch is"));
 }
 
 TEST_F(Register, RefusesWhatItCannotUse) {

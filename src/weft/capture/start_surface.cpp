@@ -4,26 +4,13 @@
 
 #include "weft/base/error.h"
 #include "weft/capture/capture.h"
+#include "weft/capture/material_cover.h"
 #include "weft/mesh/mesh_io.h"
 
 namespace weft {
 namespace {
 
-constexpr double kRimSlack = 0.02;     // of the longer side
 constexpr double kFixtureSlack = 0.1;  // of the longer side
-
-void check_reaches_the_rim(const MaterialSurface& surface, const Capture& capture, double side) {
-  const Vec2 lower = surface.mesh.material.rowwise().minCoeff();
-  const Vec2 upper = surface.mesh.material.rowwise().maxCoeff();
-  const Vec2 size(capture.width, capture.height);
-  if (lower.cwiseAbs().maxCoeff() > kRimSlack * side ||
-      (upper - size).cwiseAbs().maxCoeff() > kRimSlack * side)
-    throw error_at(
-        {*capture.start_surface, 0, "vt"},
-        fmt::format("(u, v) from ({:g}, {:g}) to ({:g}, {:g}); the swatch is from (0, 0) "
-                    "to ({:g}, {:g}) m",
-                    lower.x(), lower.y(), upper.x(), upper.y(), size.x(), size.y()));
-}
 
 void check_is_at_the_fixtures(const MaterialSurface& surface, const MaterialLocator& locator,
                               const Capture& capture, double side) {
@@ -46,7 +33,7 @@ Points read_start_surface(const Capture& capture, const TriangleMesh& mesh) {
   const MaterialSurface surface = read_material_surface(*capture.start_surface);
   const MaterialLocator locator(surface.mesh);
   const double side = std::max(capture.width, capture.height);
-  check_reaches_the_rim(surface, capture, side);
+  check_covers_swatch(surface.mesh, capture.width, capture.height, *capture.start_surface);
   check_is_at_the_fixtures(surface, locator, capture, side);
   return interpolate(surface.mesh, locator, surface.x, mesh.material);
 }

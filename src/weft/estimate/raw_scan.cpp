@@ -8,6 +8,7 @@
 #include "weft/base/error.h"
 #include "weft/capture/landmark_file.h"
 #include "weft/registration/hung_start.h"
+#include "weft/registration/registration_checks.h"
 
 namespace weft {
 namespace {
@@ -38,6 +39,13 @@ std::vector<Landmark> held_of(const std::vector<Landmark>& landmarks, const Scan
   return held;
 }
 
+Scan read_sampled(const ScanTarget& target, const GridTemplate& grid, const ScanSource& source,
+                  double spacing) {
+  const Scan scan = read_scan(target.scan, target.unit);
+  check_scan_extent(scan, grid, source);
+  return sample_scan(scan, spacing);
+}
+
 }  // namespace
 
 RegisteredScan register_raw_scan(const ScanCapture& capture, const ScanTarget& target,
@@ -48,7 +56,9 @@ RegisteredScan register_raw_scan(const ScanCapture& capture, const ScanTarget& t
   const auto along = [&](double side) { return 1 + static_cast<int>(std::lround(side / spacing)); };
   const GridTemplate grid = make_grid_template(capture.width, capture.height, along(capture.width),
                                                along(capture.height));
-  const Scan scan = sample_scan(read_scan(target.scan, target.unit), spacing / 4);
+  const ScanSource source{target.scan.string(), "unit",
+                          target.landmarks.empty() ? "" : target.landmarks.string()};
+  const Scan scan = read_sampled(target, grid, source, spacing / 4);
   const ScanGeometry geometry = scan_geometry(scan, 16, options.threads);
   std::vector<Landmark> landmarks;
   if (!target.landmarks.empty()) landmarks = read_landmarks(target.landmarks);
@@ -69,6 +79,7 @@ RegisteredScan register_raw_scan(const ScanCapture& capture, const ScanTarget& t
   registration.threads = options.threads;
   RegisteredScan result;
   result.registration = register_scan(grid, scan, geometry, starts, landmarks, registration);
+  check_registration(result.registration, scan, grid, source);
   result.shape.mesh = grid.mesh;
   result.shape.x = result.registration.x;
   result.shape.weights = result.registration.weight;

@@ -20,7 +20,8 @@ struct RegisteredScan {
 /// one of its clamps hold the sheet, and it also starts from cloth that hangs by them
 /// (hung_start.h) under the target's gravity. Without three landmarks off a line the flat starts
 /// lie along the target's axes. Throws Error for a file that is no scan, one without points on a
-/// surface, a landmark off the swatch and options out of range.
+/// surface or of another size than the swatch (check_scan_extent), one on which no vertex of the
+/// grid is supported, a landmark off the swatch and options out of range.
 RegisteredScan register_raw_scan(const ScanCapture& capture, const ScanTarget& target,
                                  const RawScanOptions& options = {});
 

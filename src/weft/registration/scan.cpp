@@ -1,11 +1,14 @@
 #include "weft/registration/scan.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 
+#include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/registration/point_tree.h"
 
@@ -16,10 +19,30 @@ namespace {
 constexpr int kChunk = 1024;
 constexpr double kLargestSpacing = 4;
 constexpr double kLargestThickness = 0.6;
+constexpr double kMostSamples = 2e7;
 
 double longest_edge(const Scan& scan, const std::array<int, 3>& t) {
   const Vec3 a = scan.position.col(t[0]), b = scan.position.col(t[1]), c = scan.position.col(t[2]);
   return std::max({(a - b).norm(), (b - c).norm(), (c - a).norm()});
+}
+
+/// Into how many parts the edges of a triangle are divided.
+double parts_of(const Scan& scan, const std::array<int, 3>& t, double spacing) {
+  return std::ceil(longest_edge(scan, t) / spacing);
+}
+
+/// Before any is made: they may be more than there is memory for.
+void check_sample_count(const Scan& scan, double spacing) {
+  double count = scan.size();
+  for (const auto& t : scan.triangles) {
+    const double parts = parts_of(scan, t, spacing);
+    if (parts >= 2) count += parts * (parts + 1) / 2;
+  }
+  if (count <= kMostSamples) return;
+  throw Error(
+      fmt::format("a mesh of {} triangles would be {:.3g} points, {:.3g} m apart; valid: "
+                  "up to {:g} (a coarser grid has points further apart)",
+                  scan.triangles.size(), count, spacing, kMostSamples));
 }
 
 }  // namespace
@@ -40,6 +63,7 @@ Eigen::Vector3f ScanTexture::at(const Vec2& st) const {
 
 Scan sample_scan(const Scan& scan, double spacing) {
   if (scan.triangles.empty()) return scan;
+  check_sample_count(scan, spacing);
   Scan sampled;
   std::vector<Vec3> position;
   std::vector<Eigen::Vector3f> colour;
@@ -65,7 +89,7 @@ Scan sample_scan(const Scan& scan, double spacing) {
       if (!vertex_used) add(t, Vec3::Unit(static_cast<Eigen::Index>(k)));
       vertex_used = 1;
     }
-    const int parts = static_cast<int>(std::ceil(longest_edge(scan, t) / spacing));
+    const int parts = static_cast<int>(parts_of(scan, t, spacing));
     if (parts < 2) continue;
     // Centres of the smaller triangles that stand upright: inside, and never twice.
     for (int i = 0; i < parts; ++i) {

@@ -34,10 +34,11 @@ struct Scan {
 /// Reads a scan by its ending (docs/formats.md): `.ply` (ascii or binary, vertices with x, y, z and
 /// perhaps red, green, blue; faces are fanned into triangles), `.obj` (with r g b behind x y z, or
 /// the picture that its material names as map_Kd, if any), or a list of points, `.xyz`,
-/// `.txt`, `.pts` or `.csv` (three numbers a line, or six with the colour, 0 to 255 or 0 to 1; a
-/// header line and lines that begin with # are skipped). Positions are multiplied by `unit`, m.
-/// Throws Error for a file that cannot be read, of another ending, cut short, with a position that
-/// is not finite, or without points.
+/// `.txt`, `.pts` or `.csv` (three numbers a line, or six with the colour, 0 to 255 or 0 to 1;
+/// lines that begin with # are skipped; a header with x, y and z, and perhaps r, g and b, says
+/// which columns these are). Positions are multiplied by `unit`, m. Throws Error for a file that
+/// cannot be read, of another ending, cut short or longer than its header says, with a number that
+/// is not finite, or without points; for a `.csv` whose header names no x, y and z.
 Scan read_scan(const std::filesystem::path& path, double unit = 1);
 
 /// Several scans in the order of time: a folder (files of one ending that read_scan knows, in the
@@ -49,7 +50,7 @@ std::vector<Scan> read_scans(const std::filesystem::path& path, double unit = 1)
 
 /// A mesh as points no further apart than about `spacing`, m: its vertices, and points inside of
 /// triangles that are larger. Colours are interpolated, or looked up in the texture. A cloud is
-/// returned as it is.
+/// returned as it is. Throws Error for a mesh of which that makes more than 20 million points.
 Scan sample_scan(const Scan& scan, double spacing);
 
 /// What registration needs to know about each point.

@@ -1,0 +1,13 @@
+#pragma once
+#include <filesystem>
+
+#include "weft/mesh/triangle_mesh.h"
+
+namespace weft {
+
+/// Throws Error, for the `vt` of `file`, unless the (u, v) of the mesh reach from (0, 0) to (width,
+/// height), m, each to `slack` of the longer side.
+void check_covers_swatch(const TriangleMesh& mesh, double width, double height,
+                         const std::filesystem::path& file, double slack = 0.02);
+
+}  // namespace weft
