@@ -132,6 +132,53 @@ TEST_F(ScanFile, ReadsPointLists) {
   EXPECT_THAT(refusal(folder_.path() / "none.xyz"), HasSubstr("no such file"));
 }
 
+TEST_F(ScanFile, AHeaderSaysWhichColumnsAreThePoints) {
+  const Scan scan = read_scan(
+      write("a.csv", "id;z;Y;x;nx;blue;green;red\n7;3;2;1;0;51;0;255\n8;6;5;4;0;0;0;0\n"));
+  EXPECT_EQ(scan.position.col(1), Vec3(4, 5, 6));
+  ASSERT_EQ(scan.colour.cols(), 2);
+  EXPECT_FLOAT_EQ(scan.colour(2, 0), 0.2f);
+  // Normals are no colours.
+  EXPECT_EQ(read_scan(write("n.xyz", "//X Y Z nx ny nz\n1 2 3 0 -1 0\n")).colour.cols(), 0);
+  EXPECT_EQ(read_scan(write("t.txt", "Scan of Monday\n1 2 3\n")).size(), 1);
+  EXPECT_EQ(read_scan(write("m.csv", "\xEF\xBB\xBFx,y,z\n1,2,3\n")).size(), 1);
+  EXPECT_THAT(refusal(write("b.csv", "\nu,v,w\n1,2,3\n")),
+              HasSubstr("b.csv:2: the header \"u,v,w\" has no columns x, y and z"));
+  EXPECT_THAT(refusal(write("c.csv", "x,y,z,r\n1,2,3\n")),
+              HasSubstr("c.csv:2: 3 numbers, 4 columns"));
+}
+
+/// A header of `vertices` vertices and a face, and the data of three and one.
+std::string ply(const std::string& vertices, const std::string& version = "1.0",
+                const std::string& type = "float") {
+  return "ply\nformat ascii " + version + "\nelement vertex " + vertices + "\nproperty " + type +
+         " x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int "
+         "vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+}
+
+TEST_F(ScanFile, SaysWhereAPlyIsWrong) {
+  EXPECT_EQ(read_scan(write("a.ply", ply("3"))).size(), 3);
+  EXPECT_THAT(refusal(write("b.ply", ply("3").replace(ply("3").find("1 0 0"), 1, "one"))),
+              HasSubstr("b.ply:11: \"one\" is not a number"));
+  EXPECT_THAT(refusal(write("c.ply", ply("three"))),
+              HasSubstr("c.ply:3: \"element vertex three\""));
+  EXPECT_THAT(refusal(write("d.ply", ply("4"))), HasSubstr("d.ply:13: cut short"));
+  // One less: its numbers are read as a face without corners, and more is left.
+  EXPECT_THAT(refusal(write("e.ply", ply("2"))),
+              HasSubstr("e.ply:12: data after the elements that the header declares: 2 vertex, 1 "
+                        "face"));
+  EXPECT_THAT(refusal(write("f.ply", ply("3") + "5\n")), HasSubstr("f.ply:14: data after"));
+  EXPECT_EQ(read_scan(write("g.ply", ply("3") + " \r\n\n")).size(), 3);
+  EXPECT_THAT(refusal(write("h.ply", ply("3", "2.0"))), HasSubstr("h.ply:2: \"format ascii 2.0\""));
+  EXPECT_THAT(refusal(write("i.ply", ply("3", "1.0", "real"))),
+              HasSubstr("i.ply:4: type \"real\" is not understood"));
+  std::string binary =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float "
+      "y\nproperty float z\nend_header\n";
+  for (int k = 0; k < 4; ++k) append(binary, 1.5f);
+  EXPECT_THAT(refusal(write("j.ply", binary)), HasSubstr("j.ply: data after the elements"));
+}
+
 TEST_F(ScanFile, ReadsSequences) {
   std::string text;
   append(text, std::int32_t{2});
@@ -167,6 +214,20 @@ TEST(SampleScan, FillsLargeTriangles) {
   for (int k = 0; k < 200; ++k) {
     const double u = rng.uniform(0, 0.1), v = rng.uniform(0, 0.1 - u);
     EXPECT_LT(tree.nearest(Vec3(u, v, 0)).squared, 0.01 * 0.01);
+  }
+}
+
+TEST(SampleScan, RefusesMoreThanThereIsMemoryFor) {
+  Scan scan;
+  scan.position.resize(3, 3);
+  scan.position << 0, 300, 0, 0, 0, 300, 0, 0, 0;
+  scan.triangles = {{0, 1, 2}};
+  EXPECT_GT(sample_scan(scan, 1).size(), 45000);
+  try {
+    sample_scan(scan, 1e-6);
+    FAIL() << "sampled";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("1e-06 m apart; valid: up to 2e+07"));
   }
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <fstream>
+#include <initializer_list>
 #include <iterator>
 #include <map>
 #include <opencv2/core.hpp>
@@ -101,22 +102,13 @@ struct PointList {
   }
 };
 
-Vec3 vector_of(const std::vector<double>& numbers, std::size_t first, const fs::path& path,
-               int line) {
-  Vec3 v(numbers[first], numbers[first + 1], numbers[first + 2]);
-  if (!v.allFinite()) throw error_at({path, line, {}}, "a position that is not finite");
-  return v;
-}
-
-/// The numbers of a line; empty for a blank line, a comment, and the header.
-std::vector<double> line_numbers(std::string_view line, bool header_allowed, const fs::path& path,
-                                 int number) {
+/// The numbers of a line; empty for a blank line and a comment.
+std::vector<double> line_numbers(std::string_view line, const fs::path& path, int number) {
   std::vector<double> numbers;
   for (const std::string_view word : words_of(line)) {
     if (numbers.empty() && word.front() == '#') return {};
     const auto value = signed_number(word);
     if (!value) {
-      if (header_allowed && numbers.empty()) return {};
       throw error_at({path, number, {}}, fmt::format("\"{}\" is not a number", word));
     }
     numbers.push_back(*value);
@@ -124,29 +116,112 @@ std::vector<double> line_numbers(std::string_view line, bool header_allowed, con
   return numbers;
 }
 
-Scan read_list(const fs::path& path) {
-  const std::string text = read_all(path);
-  PointList list;
-  Lines lines(text);
-  std::string_view line;
-  while (lines.next(line)) {
-    const auto numbers = line_numbers(line, list.position.empty(), path, lines.number());
-    if (numbers.empty()) continue;
-    // A lone number is a count of points, as PTS files begin with.
-    if (numbers.size() == 1 && list.position.empty()) continue;
-    if (numbers.size() < 3) {
-      throw error_at({path, lines.number(), {}},
-                     fmt::format("{} numbers; a point has at least 3", numbers.size()));
+constexpr auto kNone = static_cast<std::size_t>(-1);
+
+/// Which numbers of a line are what.
+struct ListColumns {
+  std::size_t count = 0;  ///< of a line; 0: at least 3, not by a header
+  std::array<std::size_t, 3> position{0, 1, 2};
+  std::array<std::size_t, 3> colour{kNone, kNone, kNone};
+
+  bool coloured() const { return std::count(colour.begin(), colour.end(), kNone) == 0; }
+};
+
+/// Letters only, small.
+std::string plain_name(std::string_view word) {
+  std::string name;
+  for (const char c : word)
+    if (std::isalpha(static_cast<unsigned char>(c)))
+      name += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return name;
+}
+
+/// What a header names; nothing without x, y and z.
+std::optional<ListColumns> columns_of(const std::vector<std::string_view>& header) {
+  const auto place = [&](std::initializer_list<std::string_view> names) {
+    for (std::size_t k = 0; k < header.size(); ++k)
+      if (std::count(names.begin(), names.end(), plain_name(header[k]))) return k;
+    return kNone;
+  };
+  ListColumns columns;
+  columns.count = header.size();
+  columns.position = {place({"x"}), place({"y"}), place({"z"})};
+  columns.colour = {place({"r", "red"}), place({"g", "green"}), place({"b", "blue"})};
+  if (std::count(columns.position.begin(), columns.position.end(), kNone)) return {};
+  return columns;
+}
+
+/// Points of a list, from its first line.
+class ListReader {
+ public:
+  explicit ListReader(const fs::path& path)
+      : path_(path), text_(read_all(path)), lines_(without_mark(text_)) {}
+
+  Scan read() {
+    std::string_view line;
+    while (lines_.next(line)) {
+      if (list_.position.empty() && is_header(line))
+        read_header(line);
+      else
+        read_point(line_numbers(line, path_, lines_.number()));
     }
-    list.position.push_back(vector_of(numbers, 0, path, lines.number()));
-    if (numbers.size() >= 6) {
+    return list_.scan();
+  }
+
+ private:
+  static std::string_view without_mark(std::string_view text) {
+    constexpr std::string_view mark = "\xEF\xBB\xBF";  // of UTF-8
+    if (text.starts_with(mark)) text.remove_prefix(mark.size());
+    return text;
+  }
+
+  static bool is_header(std::string_view line) {
+    const auto words = words_of(line);
+    return !words.empty() && words[0].front() != '#' && !signed_number(words[0]);
+  }
+
+  /// Titles are passed over, but for a CSV: its header says what its columns are.
+  void read_header(std::string_view line) {
+    if (const auto columns = columns_of(words_of(line)))
+      columns_ = *columns;
+    else if (ending_of(path_) == ".csv")
+      throw error_at({path_, lines_.number(), {}},
+                     fmt::format("the header \"{}\" has no columns x, y and z",
+                                 line.substr(0, line.find('\r'))));
+  }
+
+  void read_point(const std::vector<double>& numbers) {
+    if (numbers.empty()) return;
+    // A lone number is a count of points, as PTS files begin with.
+    if (numbers.size() == 1 && list_.position.empty() && columns_.count == 0) return;
+    if (columns_.count > 0 && numbers.size() != columns_.count)
+      throw error_at({path_, lines_.number(), {}},
+                     fmt::format("{} numbers, {} columns", numbers.size(), columns_.count));
+    if (numbers.size() < 3)
+      throw error_at({path_, lines_.number(), {}},
+                     fmt::format("{} numbers; a point has at least 3", numbers.size()));
+    list_.position.push_back(vector_at(numbers, columns_.position));
+    if (columns_.coloured()) {
+      list_.colour.push_back(vector_at(numbers, columns_.colour).cast<float>());
+    } else if (columns_.count == 0 && numbers.size() >= 6) {
       // PTS: x y z intensity red green blue.
       const std::size_t first = numbers.size() == 7 ? 4 : 3;
-      list.colour.push_back(vector_of(numbers, first, path, lines.number()).cast<float>());
+      list_.colour.push_back(vector_at(numbers, {first, first + 1, first + 2}).cast<float>());
     }
   }
-  return list.scan();
-}
+
+  Vec3 vector_at(const std::vector<double>& numbers, const std::array<std::size_t, 3>& at) const {
+    const Vec3 v(numbers[at[0]], numbers[at[1]], numbers[at[2]]);
+    if (!v.allFinite()) throw error_at({path_, lines_.number(), {}}, "a number that is not finite");
+    return v;
+  }
+
+  fs::path path_;
+  std::string text_;
+  Lines lines_;
+  ListColumns columns_;
+  PointList list_;
+};
 
 // --- OBJ: what read_obj does not read ---
 
@@ -255,11 +330,13 @@ class PlyReader {
   Scan read() {
     read_header();
     for (const PlyElement& element : elements_) read_element(element);
+    check_end();
     Scan scan = list_.scan();
     for (const auto& triangle : triangles_) {
       for (const int vertex : triangle) {
         if (vertex < 0 || vertex >= scan.size()) {
-          throw fail(fmt::format("a face names vertex {}; there are {}", vertex, scan.size()));
+          throw error_at({path_, 0, {}},
+                         fmt::format("a face names vertex {}; there are {}", vertex, scan.size()));
         }
       }
     }
@@ -268,7 +345,26 @@ class PlyReader {
   }
 
  private:
-  Error fail(std::string_view reason) const { return error_at({path_, 0, {}}, reason); }
+  /// With the line that is being read, where there are lines.
+  Error fail(std::string_view reason) const {
+    if (format_ != PlyFormat::ascii) return error_at({path_, 0, {}}, reason);
+    const auto read = text_.begin() + static_cast<std::ptrdiff_t>(std::min(at_, text_.size()));
+    // What ends a line belongs to it.
+    const auto last = read == text_.begin() ? read : read - 1;
+    return error_at({path_, 1 + static_cast<int>(std::count(text_.begin(), last, '\n')), {}},
+                    reason);
+  }
+
+  /// Nothing is left but blanks: else the counts of the header are not those of the data.
+  void check_end() {
+    const std::size_t more = text_.find_first_not_of(" \t\r\n", at_);
+    if (more == std::string::npos) return;
+    at_ = more + 1;
+    std::string counts;
+    for (const PlyElement& element : elements_)
+      counts += fmt::format("{}{} {}", counts.empty() ? "" : ", ", element.count, element.name);
+    throw fail(fmt::format("data after the elements that the header declares: {}", counts));
+  }
 
   std::string_view header_line() {
     const std::size_t end = text_.find('\n', at_);
@@ -290,6 +386,8 @@ class PlyReader {
       if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
       if (words[0] == "end_header") break;
       if (words[0] == "format" && words.size() >= 2) {
+        if (words.size() != 3 || words[2] != "1.0")
+          throw fail(fmt::format("\"{}\": the version must be 1.0", line));
         known = true;
         if (words[1] == "ascii")
           format_ = PlyFormat::ascii;
@@ -305,6 +403,10 @@ class PlyReader {
         elements_.push_back({std::string(words[1]), static_cast<std::int64_t>(count), {}});
       } else if (words[0] == "property" && words.size() >= 3 && !elements_.empty()) {
         const bool is_list_property = words[1] == "list" && words.size() == 5;
+        if (!is_list_property && words.size() != 3)
+          throw fail(fmt::format("\"{}\" in the header is not understood", line));
+        check_type(words[words.size() - 2]);
+        if (is_list_property) check_type(words[2]);
         elements_.back().properties.push_back(
             {std::string(words.back()), std::string(words[words.size() - 2]),
              is_list_property ? std::string(words[2]) : std::string()});
@@ -313,6 +415,14 @@ class PlyReader {
       }
     }
     if (!known) throw fail("the format must be ascii, binary_little_endian or binary_big_endian");
+  }
+
+  void check_type(std::string_view type) const {
+    constexpr std::array<std::string_view, 16> known{
+        "float",  "float32", "double", "float64", "uchar", "uint8",  "char", "int8",
+        "ushort", "uint16",  "short",  "int16",   "uint",  "uint32", "int",  "int32"};
+    if (std::find(known.begin(), known.end(), type) == known.end())
+      throw fail(fmt::format("type \"{}\" is not understood", type));
   }
 
   template <class Value>
@@ -357,13 +467,12 @@ class PlyReader {
       const auto& all = element.properties;
       const auto found = std::find_if(all.begin(), all.end(),
                                       [&](const PlyProperty& p) { return p.name == name; });
-      return found == all.end() ? std::size_t(-1) : static_cast<std::size_t>(found - all.begin());
+      return found == all.end() ? kNone : static_cast<std::size_t>(found - all.begin());
     };
     const std::array<std::size_t, 3> at{place("x"), place("y"), place("z")};
     const std::array<std::size_t, 3> colour_at{place("red"), place("green"), place("blue")};
-    constexpr auto none = static_cast<std::size_t>(-1);
-    if (vertices && std::count(at.begin(), at.end(), none)) throw fail("vertices need x, y and z");
-    const bool coloured = !std::count(colour_at.begin(), colour_at.end(), none);
+    if (vertices && std::count(at.begin(), at.end(), kNone)) throw fail("vertices need x, y and z");
+    const bool coloured = !std::count(colour_at.begin(), colour_at.end(), kNone);
     std::vector<double> values(element.properties.size());
     for (std::int64_t k = 0; k < element.count; ++k) {
       for (std::size_t p = 0; p < values.size(); ++p) {
@@ -386,7 +495,9 @@ class PlyReader {
 
   void read_property_list(const PlyProperty& property, bool face) {
     const double count = number(property.count_type);
-    if (!(count >= 0) || count > 1e6) throw fail("a list of impossible length");
+    if (!(count >= 0) || count > 1e6 || count != std::floor(count))
+      throw fail(fmt::format(
+          "a list of {} entries: are the counts of the header those of the data?", count));
     std::vector<int> corners;
     for (int i = 0; i < static_cast<int>(count); ++i) {
       const double value = number(property.type);
@@ -464,7 +575,7 @@ std::vector<Scan> read_frames_csv(const fs::path& path, const std::string& text,
     }
   }
   while (lines.next(line)) {
-    const auto numbers = line_numbers(line, false, path, lines.number());
+    const auto numbers = line_numbers(line, path, lines.number());
     if (numbers.empty()) continue;
     if (numbers.size() != column.size()) {
       throw error_at({path, lines.number(), {}},
@@ -493,7 +604,7 @@ Scan read_scan(const fs::path& path, double unit) {
   check_unit(unit);
   const std::string ending = ending_of(path);
   if (ending == ".ply") return finish(PlyReader(path).read(), unit, path);
-  if (is_list(ending)) return finish(read_list(path), unit, path);
+  if (is_list(ending)) return finish(ListReader(path).read(), unit, path);
   if (ending == ".obj") {
     ObjMesh mesh = read_obj(path);
     Scan scan;
