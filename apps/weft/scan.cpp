@@ -2,10 +2,13 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <numbers>
 
 #include "mechanical.h"
 #include "weft/base/error.h"
+#include "weft/capture/landmark_file.h"
+#include "weft/registration/registration_checks.h"
 
 namespace weft::app {
 
@@ -63,6 +66,47 @@ const std::vector<std::string>& ScanArguments::names() {
   return names;
 }
 
+namespace {
+
+/// Opens the scan, and its landmarks.
+void check_raw(const ScanCapture& capture, const ScanTarget& target) {
+  const Scan scan = read_scan(target.scan, target.unit);
+  const GridTemplate swatch = make_grid_template(capture.width, capture.height, 3, 3);
+  check_scan_extent(scan, swatch, {target.scan.string(), "unit", {}});
+  const Vec3 extent = scan_extent(scan);
+  fmt::print(
+      "target      {}: raw scan {}, which a fit registers: {} points, {:.3g} x {:.3g} x "
+      "{:.3g} m\n",
+      target.name, target.scan.filename().string(), scan.size(), extent.x(), extent.y(),
+      extent.z());
+  if (target.landmarks.empty()) return;
+  fmt::print("landmarks   {}\n", read_landmarks(target.landmarks).size());
+}
+
+/// Clamps may lie between the vertices of a grid where the fit simulates on another one.
+void warn_of_clamps(const ScanTarget& target, const ScanShape& shape) {
+  for (const ScanClamp& clamp : target.clamps) {
+    const auto columns = shape.mesh.material.colwise();
+    if (std::any_of(columns.begin(), columns.end(),
+                    [&](const Vec2& uv) { return clamp.region.contains(uv); }))
+      continue;
+    fmt::print("warning: {}\n",
+               error_at(clamp.where, fmt::format("no vertex of {} lies in it; give --cells to fit",
+                                                 target.grid.filename().string()))
+                   .what());
+  }
+}
+
+void check_registered(const ScanCapture& capture, const ScanTarget& target) {
+  const ScanShape shape = read_scan_shape(capture, target);
+  const auto measured = std::ranges::count_if(shape.weights, counts_as_measured);
+  fmt::print("target      {}: {} vertices, {} of them measured, noise {:g} m\n", target.name,
+             shape.mesh.vertex_count(), measured, target.noise);
+  warn_of_clamps(target, shape);
+}
+
+}  // namespace
+
 void check_scan(const std::string& folder) {
   const ScanCapture capture = read_scan_capture(folder);
   fmt::print("capture     {} (scan)\n", capture.name);
@@ -72,14 +116,10 @@ void check_scan(const std::string& folder) {
              capture.grain_angle * 180 / std::numbers::pi);
   if (capture.hem_width > 0) fmt::print("hem         {:g} m\n", capture.hem_width);
   for (const ScanTarget& target : capture.targets) {
-    if (target.grid.empty()) {
-      fmt::print("target      {}: raw scan {}, which a fit registers\n", target.name,
-                 target.scan.filename().string());
-    } else {
-      const ScanShape shape = read_scan_shape(capture, target);
-      fmt::print("target      {}: {} vertices, {:.0f} of them measured, noise {:g} m\n",
-                 target.name, shape.mesh.vertex_count(), shape.weights.sum(), target.noise);
-    }
+    if (target.grid.empty())
+      check_raw(capture, target);
+    else
+      check_registered(capture, target);
     for (const ScanClamp& clamp : target.clamps) {
       fmt::print("clamp       {} ({}): ({:g}, {:g}) to ({:g}, {:g}) m, ", clamp.name,
                  clamp.kind == ClampKind::bar ? "bar" : "points", clamp.region.lower.x(),
@@ -97,8 +137,6 @@ void check_scan(const std::string& folder) {
 nlohmann::json registration_json(const ScanTrial& trial) {
   if (!trial.registration) return nullptr;
   const ScanRegistration& r = *trial.registration;
-  int unsupported = 0;
-  for (int v = 0; v < r.weight.size(); ++v) unsupported += !r.supported(v);
   return {{"points", r.points},
           {"inliers", r.inliers},
           {"residual_median", r.residual_median},
@@ -106,18 +144,22 @@ nlohmann::json registration_json(const ScanTrial& trial) {
           {"landmark_rms", r.landmark_rms},
           {"strain_rms", r.strain_rms},
           {"vertices", r.weight.size()},
-          {"unsupported_vertices", unsupported}};
+          {"unsupported_vertices", unsupported_vertices(r)},
+          {"warnings", registration_doubts(r)}};
 }
 
 std::string registration_summary(const ScanTrial& trial) {
   const nlohmann::json r = registration_json(trial);
   if (r.is_null()) return {};
-  return fmt::format(
+  std::string text = fmt::format(
       "{}: registered to {} of {} points, median {:.2f} mm off, strain {:.2f} % rms; {} of {} "
       "vertices without support\n",
       trial.target.name, r["inliers"].get<int>(), r["points"].get<int>(),
       1e3 * r["residual_median"].get<double>(), 100 * r["strain_rms"].get<double>(),
       r["unsupported_vertices"].get<int>(), r["vertices"].get<int>());
+  for (const std::string& doubt : registration_doubts(*trial.registration))
+    text += fmt::format("warning: {}: {}\n", trial.target.name, doubt);
+  return text;
 }
 
 nlohmann::json scan_json(const std::vector<std::shared_ptr<const ScanTrial>>& trials,
@@ -151,11 +193,14 @@ nlohmann::json scan_json(const std::vector<std::shared_ptr<const ScanTrial>>& tr
 }
 
 std::string scan_summary(const ScanTrial& trial, const ScanDifference& d) {
-  std::string text = fmt::format(
-      "{}: distance mean {:.3f}, rms {:.3f}, max {:.2f} mm, {:.1f} % of the vertices within {:g} "
-      "mm",
-      trial.target.name, 1e3 * d.distance.mean, 1e3 * d.distance.rms, 1e3 * d.distance.max,
-      100 * d.within, 1e3 * d.near);
+  std::string text =
+      d.point_count == 0
+          ? fmt::format("{}: no vertex measured", trial.target.name)
+          : fmt::format(
+                "{}: distance mean {:.3f}, rms {:.3f}, max {:.2f} mm, {:.1f} % of the "
+                "vertices within {:g} mm",
+                trial.target.name, 1e3 * d.distance.mean, 1e3 * d.distance.rms,
+                1e3 * d.distance.max, 100 * d.within, 1e3 * d.near);
   if (d.force_count > 0) text += fmt::format("; force {:.3g} N rms", d.force_rms);
   if (!d.converged) text += fmt::format("; no equilibrium, {:.2g} N are left", d.residual);
   return text + "\n";

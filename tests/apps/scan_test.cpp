@@ -56,8 +56,9 @@ class Scan : public ProgramTest {
 TEST_F(Scan, ChecksEvaluatesAndFits) {
   const Outcome checked = weft({"check", path("scan")});
   ASSERT_EQ(checked.status, 0) << checked.err;
-  EXPECT_THAT(checked.out, AllOf(HasSubstr("swatch (scan)"), HasSubstr("36 vertices"),
-                                 HasSubstr("table (bar)"), HasSubstr("ok\n")));
+  EXPECT_THAT(checked.out,
+              AllOf(HasSubstr("swatch (scan)"), HasSubstr("36 vertices"),
+                    HasSubstr("36 of them measured"), HasSubstr("table (bar)"), HasSubstr("ok\n")));
 
   const Outcome fit = weft({"fit", path("scan"), "--out", path("out"), "--initial",
                             "larionov-initial", "--schedule", "alternating"});
@@ -218,6 +219,10 @@ TEST_F(Scan, RefusesWhatIsNotForScans) {
   EXPECT_THAT(refusal({"--force-noise", "0.2"}), HasSubstr("--force-noise: means nothing"));
   EXPECT_THAT(refusal({"--descriptor", "wavelet"}), HasSubstr("--descriptor"));
   EXPECT_THAT(refusal({"--rounds", "0"}), HasSubstr("--rounds"));
+  EXPECT_THAT(refusal({"--rounds", "2"}), HasSubstr("--rounds: only with --schedule alternating"));
+  EXPECT_THAT(refusal({"--seed", "2"}), HasSubstr("--seed: only with --random-starts"));
+  EXPECT_THAT(refusal({path("scan/")}),
+              HasSubstr("captures: " + path("scan/") + " is given twice"));
   EXPECT_THAT(refusal({"--parameters", "stretch"}), HasSubstr("stretch"));
   EXPECT_THAT(refusal({"--initial", "satin", "--descriptor", "energy"}), HasSubstr("stvk"));
   EXPECT_THAT(refusal({"--initial", "satin", "--parameters", "bend"}), HasSubstr("bend"));
@@ -281,7 +286,12 @@ TEST_F(Scan, FitsACloudBesideRegisteredScans) {
   ASSERT_EQ(grids.status, 0) << grids.err;
   const Outcome checked = weft({"check", path("cloud")});
   ASSERT_EQ(checked.status, 0) << checked.err;
-  EXPECT_THAT(checked.out, HasSubstr("raw scan target_1.xyz, which a fit registers"));
+  EXPECT_THAT(checked.out,
+              HasSubstr("raw scan target_1.xyz, which a fit registers: 6000 points, 0."));
+  const std::string points = text_of(folder_ / "cloud/target_1.xyz");
+  write("cloud/target_1.xyz", "0 0\n");
+  EXPECT_THAT(refusal({"check", path("cloud")}), HasSubstr("target_1.xyz:1: 2 numbers"));
+  write("cloud/target_1.xyz", points);
 
   const Outcome fit = weft({"fit", path("grids"), path("cloud"), "--out", path("out"), "--initial",
                             "larionov-initial", "--registered-cells", "8"});

@@ -115,6 +115,31 @@ TEST_F(ReadScan, UnsupportedVerticesHaveLessWeight) {
   EXPECT_THAT(refusal(), AllOf(StartsWith("w.csv:5"), HasSubstr("within [0, 1]")));
 }
 
+TEST_F(ReadScan, NothingMeasuredIsRefusedUnlessAClampPulls) {
+  std::string weights = "weight\n";
+  for (int i = 0; i < 20; ++i) weights += "0\n";
+  write("w.csv", weights);
+  replace("capture.toml", "noise = 3e-4", "weights = \"w.csv\"");
+  EXPECT_EQ(refusal(), "no error");
+  EXPECT_THAT(refusal_with("weight = 0.02\nforce_noise = 0.005\n", ""),
+              AllOf(StartsWith("w.csv: weight: 0 for all vertices"), HasSubstr("\"hang\"")));
+}
+
+TEST_F(ReadScan, AGridOfAnotherSizeIsRefused) {
+  replace("capture.toml", "vertices = [19]", "region = [[0.1, 0.08], [0.1, 0.08]]");
+  Points x = Points::Zero(3, mesh_.vertex_count());
+  for (const double scale : {1000.0, 0.001}) {
+    x.topRows(2) = scale * mesh_.material;
+    write_obj(folder_ / "hang.obj", mesh_, x);
+    EXPECT_THAT(refusal(), AllOf(StartsWith("hang.obj: edges between measured vertices are"),
+                                 HasSubstr("valid: 1/3 to 3")));
+  }
+  const TriangleMesh part = make_swatch(0.1, 0.06, 5, 4, GridPattern::uniform);
+  x.topRows(2) = part.material;
+  write_obj(folder_ / "hang.obj", part, x);
+  EXPECT_THAT(refusal(), StartsWith("hang.obj: vt: (u, v) from (0, 0) to (0.1, 0.06); the swatch"));
+}
+
 TEST_F(ReadScan, WeightsOfOneFrameOfSeveral) {
   std::string weights = "frame,vertex,weight\n";
   for (int frame = 0; frame < 2; ++frame)
@@ -186,6 +211,7 @@ TEST_F(ReadScan, KeysOfARawScan) {
   EXPECT_EQ(target.unit, 0.001);
   EXPECT_EQ(target.u_axis, Vec3::UnitY());
   EXPECT_THAT(refusal_with("[0, 2, 0]", "[0, 0, 0]"), HasSubstr("u_axis: no direction"));
+  EXPECT_THAT(refusal_with("[0, 2, 0]", "[0, 0, 3]"), HasSubstr("u_axis is along v_axis"));
 }
 
 TEST_F(ReadScan, WritesWhatItReads) {

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 
 #include "common/gradient_check.h"
+#include "common/temporary_folder.h"
 #include "weft/base/error.h"
 #include "weft/estimate/scan_synthetic.h"
 #include "weft/fabric/orthotropic.h"
@@ -530,6 +532,40 @@ TEST(ScanFit, WeightsArePulls) {
   const auto trials = prepare_scan(capture, std::vector<ScanShape>{edge.shape});
   const auto simulations = simulate_scans(trials, *make_static_solver(), true_fabric());
   EXPECT_LT(compare_scan(*trials[0], simulations[0]).force_rms, 2e-3);
+}
+
+TEST(ScanTrial, WithoutAMeasuredVertexNoDistanceIsKnown) {
+  Made made = make();
+  made.shapes[1].weights = VecX::Constant(made.shapes[1].mesh.vertex_count(), 0.4);
+  const auto trials = prepare_scan(made.capture, made.shapes);
+  const auto simulations = simulate_scans({trials[1]}, *make_static_solver(), true_fabric());
+  const ScanDifference difference = compare_scan(*trials[1], simulations[0]);
+  EXPECT_EQ(difference.point_count, 0);
+  for (const double value : {difference.distance.mean, difference.distance.rms,
+                             difference.distance.max, difference.within})
+    EXPECT_TRUE(std::isnan(value));
+  EXPECT_LT(difference.force_rms, 1e-2);
+}
+
+TEST(RawScan, OfAnotherUnitIsRefused) {
+  const test::TemporaryFolder folder;
+  ScanCapture capture;
+  capture.width = capture.height = kSide;
+  ScanTarget target;
+  target.scan = folder.path() / "mm.xyz";
+  std::ofstream file(target.scan);
+  for (int i = 0; i < 40; ++i)
+    for (int j = 0; j < 40; ++j) file << 2.5 * i << " 0 " << -2.5 * j << '\n';
+  file.close();
+  try {
+    register_raw_scan(capture, target, {8, 1});
+    FAIL() << "registered";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("mm.xyz: it is 97.5 x 0 x 97.5 m"),
+                                    HasSubstr("is unit (m per unit")));
+  }
+  target.unit = 1e-3;
+  EXPECT_EQ(register_raw_scan(capture, target, {8, 1}).shape.weights.minCoeff() > 0, true);
 }
 
 TEST(ScanFit, RefusesWhatItCannotFit) {

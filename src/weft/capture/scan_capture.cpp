@@ -12,6 +12,7 @@
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
 #include "weft/capture/landmark_file.h"
+#include "weft/capture/material_cover.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
 
@@ -25,7 +26,10 @@ constexpr Range kForceNoise{1e-9, 1e3};  // N
 constexpr Range kNoise{1e-9, 0.1};       // m
 constexpr Range kUnit{1e-9, 1e6};        // m
 constexpr Range kDirection{-1e6, 1e6};
-constexpr double kOnSwatch = 1e-6;  // m
+constexpr double kOnSwatch = 1e-6;   // m
+constexpr double kCoverSlack = 0.1;  // of the swatch's longer side
+constexpr double kLargestRatio = 3;  // of an edge's lengths in space and in (u, v)
+constexpr double kLeastSine = 0.1;   // of the angle between the axes
 constexpr std::size_t kMostVertices = 1'000'000;
 
 TomlTable parse_capture(const std::filesystem::path& folder) {
@@ -134,6 +138,9 @@ class ScanReader {
     target.landmarks = file_named(table, "landmarks");
     target.u_axis = direction(table, "u_axis", target.u_axis);
     target.v_axis = direction(table, "v_axis", target.v_axis);
+    if (target.u_axis.cross(target.v_axis).norm() < kLeastSine)
+      throw error_at(table.where(table.has("u_axis") ? "u_axis" : "v_axis"),
+                     "u_axis is along v_axis; the two must be across");
   }
 
   static Vec3 direction(const TomlTable& table, const char* key, const Vec3& otherwise) {
@@ -162,6 +169,7 @@ class ScanReader {
     } else {
       clamp.region = region_of_vertices(table, target);
     }
+    clamp.where = table.where(table.has("region") ? "region" : "vertices");
     if (table.has("force") && table.has("weight"))
       throw error_at(table.where("weight"), "a clamp has `force` (N) or `weight` (kg), not both");
     clamp.force = table.optional_number("force", kForce);
@@ -270,6 +278,39 @@ Points read_frame(const ScanTarget& target, int vertices) {
   return x;
 }
 
+/// Whatever the fabric, cloth at rest is not three times as long as it is flat: a unit, or other
+/// vertices. Where nothing was measured a grid may be anything.
+void check_edges(const ScanShape& shape, const std::filesystem::path& path) {
+  std::vector<double> ratios;
+  for (const auto& triangle : shape.mesh.triangles) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const int a = triangle[k], b = triangle[(k + 1) % 3];
+      if (!counts_as_measured(shape.weights[a]) || !counts_as_measured(shape.weights[b])) continue;
+      const double flat = (shape.mesh.material.col(a) - shape.mesh.material.col(b)).norm();
+      ratios.push_back((shape.x.col(a) - shape.x.col(b)).norm() / flat);
+    }
+  }
+  if (ratios.empty()) return;
+  const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
+  std::nth_element(ratios.begin(), middle, ratios.end());
+  if (*middle <= kLargestRatio && *middle >= 1 / kLargestRatio) return;
+  throw error_at({path, 0, {}},
+                 fmt::format("edges between measured vertices are {:.3g} times as long as in (u, "
+                             "v) (median); valid: 1/{:g} to {:g}, positions and (u, v) in m",
+                             *middle, kLargestRatio, kLargestRatio));
+}
+
+/// Something must be compared.
+void check_measured(const ScanShape& shape, const ScanTarget& target) {
+  const bool pulls = std::any_of(target.clamps.begin(), target.clamps.end(),
+                                 [](const ScanClamp& clamp) { return clamp.force.has_value(); });
+  if (pulls || (shape.weights.array() > 0).any()) return;
+  throw error_at({target.weights, 0, "weight"},
+                 fmt::format("0 for all vertices, and no clamp of target \"{}\" has a force: "
+                             "nothing of it was measured",
+                             target.name));
+}
+
 std::string clamp_text(const ScanClamp& clamp) {
   std::string text = fmt::format(
       "\n  [[target.clamp]]\n  name = {}\n  kind = \"{}\"\n  region = [[{}, {}], [{}, {}]]\n",
@@ -333,6 +374,9 @@ ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target) 
   if (!target.points.empty()) shape.x = read_frame(target, vertices);
   shape.weights = target.weights.empty() ? VecX::Ones(vertices)
                                          : read_weights(target.weights, target.frame, vertices);
+  check_covers_swatch(shape.mesh, capture.width, capture.height, target.grid, kCoverSlack);
+  check_edges(shape, target.points.empty() ? target.grid : target.points);
+  check_measured(shape, target);
   if (!target.start.empty()) {
     shape.start = read_obj(target.start).positions;
     if (shape.start->cols() != vertices)

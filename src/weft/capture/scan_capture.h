@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "weft/base/error.h"
 #include "weft/dynamics/clips.h"
 #include "weft/mesh/triangle_mesh.h"
 #include "weft/registration/nonrigid_icp.h"
@@ -26,6 +27,7 @@ struct ScanClamp {
   /// Magnitude of the clamp's force on the cloth, N, where it was measured.
   std::optional<double> force;
   double force_noise = 0.01;  ///< N, standard deviation
+  SourceLocation where;       ///< of its region in capture.toml
 };
 
 /// One shape.
@@ -66,6 +68,9 @@ struct ScanCapture {
 /// Throws Error. Opens no shape but those whose clamps are given by vertices.
 ScanCapture read_scan_capture(const std::filesystem::path& folder);
 
+/// Whether a vertex of this weight counts as measured.
+inline bool counts_as_measured(double weight) { return weight >= 0.5; }
+
 /// A target's shape: a registered grid.
 struct ScanShape {
   TriangleMesh mesh;
@@ -73,7 +78,10 @@ struct ScanShape {
   VecX weights;                 ///< a number a vertex, [0, 1]
   std::optional<Points> start;  ///< m
 };
-/// Throws Error for a target without a grid, and unless its files fit together and to the swatch.
+/// Throws Error for a target without a grid, and unless its files fit together and to the swatch:
+/// (u, v) that cover it to a tenth of its longer side; at most half of the measured edges longer
+/// than 3 times their length in (u, v), or shorter than a third of it; a vertex of weight above 0
+/// or the force of a clamp.
 ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target);
 
 /// A target's scan before a grid is laid on it.

@@ -5,6 +5,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
@@ -17,7 +18,7 @@ namespace {
 constexpr int kMostCells = 200;
 constexpr double kSamePlace = 1e-7;     // m
 constexpr double kEqualSpacing = 1e-4;  // of a cell
-constexpr double kMeasured = 0.5;       // least weight of a vertex that counts as measured
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
@@ -178,7 +179,7 @@ Pose pose_of_bar(const ScanTrial& trial, const ScanClamp& clamp, const std::vect
   std::vector<Eigen::Index> seen;
   for (Eigen::Index i = 0; i < trial.shape.x.cols(); ++i)
     if (clamp.region.contains(trial.shape.mesh.material.col(i)) &&
-        trial.shape.weights[i] >= kMeasured)
+        counts_as_measured(trial.shape.weights[i]))
       seen.push_back(i);
   if (seen.size() >= 2)
     return nearest_pose(trial.shape.mesh.material(Eigen::all, seen),
@@ -208,8 +209,9 @@ void hold(ScanTrial& trial) {
       ++count;
     }
     if (own.empty())
-      throw Error(fmt::format("target \"{}\": clamp \"{}\" holds no vertex of the simulated grid",
-                              trial.target.name, clamp.name));
+      throw error_at(clamp.where, fmt::format("target \"{}\": clamp \"{}\" holds no vertex of the "
+                                              "simulated grid",
+                                              trial.target.name, clamp.name));
     const Points seen =
         interpolate(trial.shape.mesh, locator, trial.shape.x, trial.mesh.material(Eigen::all, own));
     const bool bar = clamp.kind == ClampKind::bar && own.size() > 1;
@@ -374,7 +376,7 @@ ScanDifference compare_scan(const ScanTrial& trial, const ScanSimulation& simula
   double sum = 0, squares = 0;
   int within = 0;
   for (Eigen::Index i = 0; i < at_scan.cols(); ++i) {
-    if (trial.shape.weights[i] < kMeasured) continue;
+    if (!counts_as_measured(trial.shape.weights[i])) continue;
     const double d = (at_scan.col(i) - trial.shape.x.col(i)).norm();
     sum += d;
     squares += d * d;
@@ -382,10 +384,12 @@ ScanDifference compare_scan(const ScanTrial& trial, const ScanSimulation& simula
     if (d < difference.near) ++within;
     ++difference.point_count;
   }
-  const int count = std::max(difference.point_count, 1);
+  // Without a measured vertex nothing is known: 0 / 0.
+  const double count = difference.point_count;
+  if (difference.point_count == 0) difference.distance.max = kNaN;
   difference.distance.mean = sum / count;
   difference.distance.rms = std::sqrt(squares / count);
-  difference.within = static_cast<double>(within) / count;
+  difference.within = within / count;
   difference.forces = simulation.forces.colwise().norm().transpose();
   double force_squares = 0;
   for (std::size_t c = 0; c < trial.target.clamps.size(); ++c) {

@@ -81,12 +81,12 @@ std::vector<ScanSimulation> simulate_scans(
 struct ScanDifference {
   bool converged = false;
   double residual = 0;       ///< N, largest net force on a free vertex
-  SurfaceDistance distance;  ///< m, at the scan's vertices that were measured
-  double within = 0;         ///< share of these that are nearer than `near`
+  SurfaceDistance distance;  ///< m, at the scan's vertices that were measured; NaN without any
+  double within = 0;         ///< share of these that are nearer than `near`; NaN without any
   double near = 2.4e-3;      ///< m; the paper's section 5
-  int point_count = 0;
-  VecX forces;           ///< simulated magnitudes, N, a number a clamp
-  double force_rms = 0;  ///< N, over the measured ones
+  int point_count = 0;       ///< measured vertices
+  VecX forces;               ///< simulated magnitudes, N, a number a clamp
+  double force_rms = 0;      ///< N, over the measured ones
   int force_count = 0;
 };
 ScanDifference compare_scan(const ScanTrial& trial, const ScanSimulation& simulation);
