@@ -1,14 +1,19 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <string>
 
 #include "commands.h"
 #include "mechanical.h"
 #include "scan.h"
+#include "weft/base/error.h"
 #include "weft/capture/capture.h"
+#include "weft/capture/capture_checks.h"
+#include "weft/registration/stripe_surface.h"
 #include "weft/vision/silhouette.h"
+#include "weft/vision/video.h"
 
 namespace weft::app {
 namespace {
@@ -25,6 +30,36 @@ void print_fixtures(const Capture& capture) {
         "fixture     {} at (u, v) = ({:g}, {:g}) m: starts at ({:.4f}, {:.4f}, {:.4f}) m, seen "
         "at ({:.1f}, {:.1f}) px\n",
         fixture.name, fixture.at.x(), fixture.at.y(), p.x(), p.y(), p.z(), pixel.x(), pixel.y());
+  }
+}
+
+/// Times that do not fit together, a line each.
+void warn_of_times(const Capture& capture) {
+  constexpr double another_rate = 0.01, sparse = 2;  // relative; frames
+  const auto stated = stated_frame_rate(capture.video);
+  if (stated && std::abs(*stated / capture.frame_rate - 1) > another_rate)
+    fmt::print("warning: {} states {:.4g} frames/s; capture.toml has frame_rate = {:g}\n",
+               capture.video.filename().string(), *stated, capture.frame_rate);
+  const double frames = motion_sample_interval(capture) * capture.frame_rate;
+  if (frames > sparse)
+    fmt::print(
+        "warning: the motion of the fixtures has a sample every {:.3g} frames (median); "
+        "between them it is taken to be smooth\n",
+        frames);
+}
+
+/// What a fit without a start_surface begins with, as weft surface shows it.
+void warn_of_start(const Capture& capture, const Image& frame, const Mask& silhouette) {
+  constexpr int grid = 25;
+  try {
+    const Scene scene = make_scene(capture, grid, grid, 0, 0);
+    const StripePoints points = decode_stripes(frame, silhouette, capture.rig, scene);
+    const SurfaceFit fit = fit_surface(points, silhouette, capture.rig, scene);
+    if (!fit.usable)
+      fmt::print("warning: frame 0 is not usable as a start: {}; weft surface shows it\n",
+                 fit.note);
+  } catch (const Error& error) {  // a fixture between the vertices of this grid
+    fmt::print("warning: the stripes of frame 0 were not looked at: {}\n", error.what());
   }
 }
 
@@ -66,9 +101,16 @@ void run(const Arguments& arguments) {
         found.silhouette.cast<double>().sum() / static_cast<double>(found.silhouette.size());
     low = std::min(low, share);
     high = std::max(high, share);
+    if (&frame == &frames.front() && !capture.start_surface)
+      warn_of_start(capture, frame, found.silhouette);
   }
   fmt::print("cloth       seen in every frame, {:.1f} to {:.1f} % of the image\n", 100 * low,
              100 * high);
+  warn_of_times(capture);
+  const StripePattern& pattern = capture.rig.pattern;
+  if (pattern.profile == StripePattern::Profile::sine &&
+      pattern.edge_gain != StripePattern().edge_gain)
+    fmt::print("warning: edge_gain means nothing with pattern = \"sine\", which has no edges\n");
   fmt::print("truth       {}\n", capture.truth ? "declared; never read by a fit" : "none");
   fmt::print("ok\n");
 }

@@ -53,6 +53,11 @@ void run(const Arguments& arguments) {
   const Mask silhouette = find_silhouette(frame, silhouette_options).silhouette;
   const StripePoints points = decode_stripes(frame, silhouette, capture.rig, scene);
   const SurfaceFit fit = fit_surface(points, silhouette, capture.rig, scene);
+  if (!fit.x.allFinite())
+    throw Error(
+        fmt::format("{}: frame {}: no surface was found: {} stripe points leave vertices "
+                    "without a position",
+                    arguments.capture, k, fit.points));
   write_mesh(arguments.out, scene.mesh, fit.x,
              fmt::format("surface of {} frame {}", capture.name, k));
 

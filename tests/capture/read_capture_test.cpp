@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "capture/temporary_capture.h"
+#include "weft/capture/capture_checks.h"
 
 namespace weft {
 namespace {
@@ -259,6 +260,24 @@ TEST_F(ReadCapture, TwoFixturesOfOneNameOrPlaceAreRejected) {
               HasSubstr("fixture[1].name: two fixtures are named \"left corner\""));
   EXPECT_THAT(message_with("at = [0.5, 0.0]", "at = [0.0, 0.0]"),
               HasSubstr("hold the same point of the swatch"));
+}
+
+TEST_F(ReadCapture, TwoFixturesOfOneMotionAreRejected) {
+  EXPECT_EQ(
+      message_with("[\"right_x_m\", \"right_y_m\", \"right_z_m\"]",
+                   "[\"left_x_m\", \"left_y_m\", \"left_z_m\"]"),
+      "capture.toml:54: fixture[1].columns: \"left corner\" and \"right corner\" have the same "
+      "columns of corners.csv");
+  // Where one is but for one coordinate, which is the same.
+  std::string csv = "time_s,left_x_m,left_y_m,left_z_m,right_x_m,right_y_m,right_z_m\n";
+  for (int i = 0; i < 100; ++i) csv += fmt::format("{},0,0,1,0.004,0,1\n", i / 30.0);
+  write("corners.csv", csv);
+  EXPECT_THAT(message(), AllOf(StartsWith("capture.toml:53: fixture[1].motion: at 0 s"),
+                               HasSubstr("0.004 m apart; valid: from 0.01 of their distance")));
+}
+
+TEST_F(ReadCapture, KnowsHowFarSamplesOfMotionAreApart) {
+  EXPECT_NEAR(motion_sample_interval(read_capture(folder_)), 1 / 30.0, 1e-6);
 }
 
 TEST_F(ReadCapture, AMotionFileShorterThanTheVideoIsRejected) {

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace weft {
 namespace {
 
@@ -16,11 +18,32 @@ void check_pair(const CaptureFixture& a, const CaptureFixture& b, double time,
                 const SourceLocation& where) {
   const double rest = (a.at - b.at).norm();
   const double distance = (a.motion.position(time) - b.motion.position(time)).norm();
+  if (distance < kLeastDistance * rest)
+    throw error_at(where,
+                   fmt::format("at {:.4g} s \"{}\" and \"{}\" are {:.3g} m apart; valid: from "
+                               "{:g} of their distance on the undeformed swatch, {:.5g} m",
+                               time, a.name, b.name, distance, kLeastDistance, rest));
   if (distance <= kMaxStretch * rest) return;
   throw error_at(where, fmt::format("at {:.4g} s \"{}\" and \"{}\" are {:.5g} m apart; on the "
                                     "undeformed swatch they are {:.5g} m apart, and cloth is taken "
                                     "to stretch to {:.5g} m at most",
                                     time, a.name, b.name, distance, rest, kMaxStretch * rest));
+}
+
+void check_other_motion(const CaptureFixture& a, const CaptureFixture& b,
+                        const FixtureSamples& of_a, const FixtureSamples& of_b) {
+  if (of_a.file != of_b.file || of_a.columns != of_b.columns) return;
+  throw error_at(of_b.columns_where, fmt::format("\"{}\" and \"{}\" have the same columns of {}",
+                                                 a.name, b.name, of_b.file.filename().string()));
+}
+
+double median_interval(const std::vector<double>& times) {
+  std::vector<double> intervals;
+  for (std::size_t i = 1; i < times.size(); ++i) intervals.push_back(times[i] - times[i - 1]);
+  if (intervals.empty()) return 0;
+  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
+  std::nth_element(intervals.begin(), middle, intervals.end());
+  return *middle;
 }
 
 struct Device {
@@ -91,6 +114,7 @@ void check_stretch(const Capture& capture, const std::vector<FixtureSamples>& sa
                                                      "swatch",
                                                      a.name, b.name));
       }
+      check_other_motion(a, b, samples[i], samples[j]);
       for (const std::size_t k : {i, j}) {
         for (const double time : samples[k].times) check_pair(a, b, time, samples[j].where);
       }
@@ -99,6 +123,15 @@ void check_stretch(const Capture& capture, const std::vector<FixtureSamples>& sa
       }
     }
   }
+}
+
+double motion_sample_interval(const Capture& capture) {
+  const TomlTable file = TomlTable::parse_file(capture.folder / "capture.toml");
+  double longest = 0;
+  for (const TomlTable& fixture : file.tables("fixture"))
+    longest = std::max(
+        longest, median_interval(MotionFile(capture.folder / fixture.string("motion")).times()));
+  return longest;
 }
 
 void check_view(const Capture& capture, const ViewLocations& where) {

@@ -25,10 +25,14 @@ inline constexpr Range kProjectorSide{1, 1e5};  // px
 
 /// Fixtures may be at most this many times as far apart as on the undeformed swatch.
 inline constexpr double kMaxStretch = 1.1;
+/// And at least this many times: cloth is not folded into a point.
+inline constexpr double kLeastDistance = 0.01;
 
-/// Where a fixture's motion is named, and when it was measured.
+/// Where a fixture's motion is named, what it is, and when it was measured.
 struct FixtureSamples {
-  SourceLocation where;
+  SourceLocation where, columns_where;
+  std::filesystem::path file;
+  std::vector<std::string> columns;
   std::vector<double> times;  ///< s
 };
 
@@ -40,9 +44,13 @@ void check_video_exists(const std::filesystem::path& video, const SourceLocation
 /// Throws Error unless the motion spans the frames of the video.
 void check_covers_video(const Capture& capture, const MotionFile& file);
 
-/// Throws Error if two fixtures are held at one point of the swatch, or at a sample or a frame are
-/// further apart than the cloth between them can stretch.
+/// Throws Error if two fixtures are held at one point of the swatch or have one motion, or at a
+/// sample or a frame are further apart than the cloth between them can stretch, or in one place.
 void check_stretch(const Capture& capture, const std::vector<FixtureSamples>& samples);
+
+/// Median time between the samples of a fixture's motion, s; the longest of all fixtures. 0 where
+/// each has but one sample. Reads capture.toml and the files of motion again.
+double motion_sample_interval(const Capture& capture);
 
 /// Where the two projections stand.
 struct ViewLocations {

@@ -139,7 +139,8 @@ class CaptureReader {
     fixture.motion = Motion(file.times(), file.positions(columns));
     table.finish();
     check_covers_video(capture_, file);
-    samples_.push_back({table.where("motion"), file.times()});
+    samples_.push_back(
+        {table.where("motion"), table.where("columns"), file.path(), columns, file.times()});
     capture_.fixtures.push_back(std::move(fixture));
   }
 

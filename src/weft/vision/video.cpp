@@ -154,6 +154,17 @@ std::vector<Image> read_frames(const std::filesystem::path& path, int frame_coun
   }
 }
 
+std::optional<double> stated_frame_rate(const std::filesystem::path& path) {
+  if (NumberedImages::parse(path)) return {};
+  try {
+    const cv::VideoCapture video(path.string(), cv::CAP_FFMPEG);
+    const double rate = video.isOpened() ? video.get(cv::CAP_PROP_FPS) : 0;
+    if (std::isfinite(rate) && rate > 0) return rate;
+  } catch (const cv::Exception&) {
+  }
+  return {};
+}
+
 void write_png(const std::filesystem::path& path, const Image& linear) {
   cv::Mat picture(int(linear.rows()), int(linear.cols()), CV_8UC1);
   for (int y = 0; y < picture.rows; ++y)

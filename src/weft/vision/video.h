@@ -1,5 +1,6 @@
 #pragma once
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "weft/base/types.h"
@@ -10,6 +11,8 @@ namespace weft {
 /// other FFmpeg-readable) file, or a printf-style pattern of numbered images such as
 /// "frames/%04d.png". Throws Error if it cannot be read or has fewer frames than `frame_count`.
 std::vector<Image> read_frames(const std::filesystem::path& path, int frame_count);
+/// Frames a second that a video file states; nothing for numbered images and files that state none.
+std::optional<double> stated_frame_rate(const std::filesystem::path& path);
 /// One frame for people to look at: 8-bit, sRGB.
 void write_png(const std::filesystem::path& path, const Image& linear);
 
