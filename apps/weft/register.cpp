@@ -282,11 +282,10 @@ void print_doubts(int frame, const ScanRegistration& registration) {
 
 /// What asks for a sequence, given one scan.
 void refuse_for_one(const Arguments& arguments) {
-  const char* option = arguments.print              ? "--print"
-                       : arguments.pictures.empty() ? nullptr
-                                                    : "--pictures";
-  if (option)
-    throw Error(fmt::format("{}: only with a sequence; {} is one scan", option, arguments.scan));
+  const bool pictures = !arguments.pictures.empty() && !arguments.camera.empty();
+  if (!arguments.print && !pictures) return;
+  throw Error(fmt::format("{}: only with a sequence; {} is one scan",
+                          arguments.print ? "--print" : "--pictures", arguments.scan));
 }
 
 void run(const Arguments& arguments) {

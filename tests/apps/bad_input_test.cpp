@@ -1,6 +1,8 @@
 /// What the program says of bad input: one line with file, key and reason, and exit status 2.
 #include <gmock/gmock.h>
 
+#include <sstream>
+
 #include "apps/program.h"
 #include "weft/fabric/fabric.h"
 #include "weft/vision/video.h"
@@ -161,6 +163,26 @@ TEST_F(BadInput, AVideoWithFewerFrames) {
   replace("c/capture.toml", "frame_count = 100", "frame_count = 101");
   replace("c/capture.toml", "frame_rate = 30.0", "frame_rate = 31.0");
   EXPECT_THAT(check(), AllOf(StartsWith("video.mp4: frame 100: "), HasSubstr("101 frames")));
+}
+
+TEST_F(BadInput, TimesThatHardlyFitAreWarnedOf) {
+  with_video();
+  const Outcome fine = weft({"check", capture()});
+  EXPECT_EQ(fine.status, 0) << fine.err;
+  EXPECT_EQ(fine.out.find("warning"), std::string::npos) << fine.out;
+  replace("c/capture.toml", "frame_rate = 30.0", "frame_rate = 31.0");
+  std::istringstream csv(text_of(folder_ / "c/corners.csv"));
+  std::string sparse, line;
+  for (int row = -1; std::getline(csv, line); ++row)
+    if (row % 3 == 0 || row < 0) sparse += line + "\n";
+  write("c/corners.csv", sparse);
+  const Outcome doubtful = weft({"check", capture()});
+  EXPECT_EQ(doubtful.status, 0) << doubtful.err;
+  EXPECT_THAT(
+      doubtful.out,
+      AllOf(HasSubstr("warning: video.mp4 states 30 frames/s; capture.toml has frame_rate = "
+                      "31\n"),
+            HasSubstr("a sample every 3.1 frames"), HasSubstr("ok\n")));
 }
 
 TEST_F(BadInput, AVideoWithNoClothInIt) {

@@ -287,7 +287,7 @@ TEST_F(Scan, FitsACloudBesideRegisteredScans) {
   const Outcome checked = weft({"check", path("cloud")});
   ASSERT_EQ(checked.status, 0) << checked.err;
   EXPECT_THAT(checked.out,
-              HasSubstr("raw scan target_1.xyz, which a fit registers: 6000 points, 0."));
+              HasSubstr("raw scan target_1.xyz, which a fit registers: 5241 points, 0."));
   const std::string points = text_of(folder_ / "cloud/target_1.xyz");
   write("cloud/target_1.xyz", "0 0\n");
   EXPECT_THAT(refusal({"check", path("cloud")}), HasSubstr("target_1.xyz:1: 2 numbers"));
