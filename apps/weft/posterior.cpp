@@ -55,6 +55,11 @@ Estimate read_estimate(const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / "result.json";
   e.report = read_result(file);
   e.fabric = read_fabric(folder / "fabric.toml");
+  if (e.report.captures.empty())
+    throw Error(
+        fmt::format("{}: fitted without a video: a posterior is sampled of fits to video; the "
+                    "intervals and the covariance of result.json have what is known",
+                    file.string()));
   if (!e.report.certainty)
     throw Error(
         fmt::format("{}: certainty: is missing; a fit that ended writes it", file.string()));

@@ -125,7 +125,8 @@ std::optional<ReportCertainty> report_certainty(const ResidualCertainty& certain
   report.confidence = certainty.confidence;
   report.clusters = static_cast<int>(certainty.parts);
   report.condition = certainty.condition;
-  report.noise = report.dispersion = 1;  // differences are divided by theirs
+  report.noise = 2;  // twice the variance of residuals over their noise
+  report.dispersion = certainty.dispersion;
   report.left_out = "each frame, shape or piece of a single shape";
   for (const ParameterInterval& interval : intervals) report.parameters.push_back(interval.name);
   report.correlation = certainty.correlation;

@@ -125,8 +125,9 @@ ReportMechanical report_target(const ScanCapture& capture, const ScanTrial& tria
   for (const ScanClamp& clamp : trial.target.clamps)
     report.force_largest = std::max(report.force_largest, clamp.force.value_or(0));
   if (report.force_largest > 0) report.force_relative = report.force_rms / report.force_largest;
-  report.distance =
-      ReportDistance{difference.distance.mean, difference.distance.rms, difference.distance.max};
+  if (difference.point_count > 0)
+    report.distance =
+        ReportDistance{difference.distance.mean, difference.distance.rms, difference.distance.max};
   ReportMechanicalFrame& frame = report.frames.emplace_back();
   frame.converged = difference.converged;
   frame.distance = report.distance;

@@ -48,7 +48,8 @@ struct Known {
   int frames_per_sample = SuggestOptions().frames_per_sample;
 };
 
-/// Of a fit to cloth at rest: its intervals, each by itself.
+/// Of a fit to cloth at rest: its intervals, each by itself. They hold what the noise does not, the
+/// cells and what the model lacks.
 MatX information_of_intervals(const Report& report, const Fabric& fabric) {
   constexpr double kConfidence = 0.9;  // of the intervals of result.json
   MatX information = MatX::Zero(fabric.values.size(), fabric.values.size());
@@ -78,13 +79,13 @@ Known read_known(const std::string& name) {
   known.fabric = read_fabric(folder / "fabric.toml");
   const std::filesystem::path file = folder / "result.json";
   const Report report = read_result(file);
-  if (!report.certainty && !report.captures.empty())
-    throw Error(
-        fmt::format("{}: certainty: is missing; a fit that ended writes it", file.string()));
-  if (!report.certainty) {
+  if (report.captures.empty()) {
     known.information = information_of_intervals(report, known.fabric);
     return known;
   }
+  if (!report.certainty)
+    throw Error(
+        fmt::format("{}: certainty: is missing; a fit that ended writes it", file.string()));
   const ReportCertainty& certainty = *report.certainty;
   const auto n = known.fabric.values.size();
   known.information = MatX::Zero(n, n);

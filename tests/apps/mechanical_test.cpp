@@ -136,6 +136,61 @@ TEST_F(Mechanical, InternalFrictionShowsAsALoop) {
   EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("unloading"));
 }
 
+// A flat strip says nothing of bends: they are not determined, and stretch is.
+TEST_F(Mechanical, WhatAStripDoesNotShowLeavesItsStretchKnown) {
+  const Outcome outcome = weft({"fit", path("strip"), "--out", path("out"), "--cells", "3",
+                                "--model", "soft-constraints", "--no-mesh-error"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  const json& stretch = result["parameters"]["weft_stretch"];
+  EXPECT_TRUE(stretch["determined"]);
+  EXPECT_GT(stretch["interval_lower"], 0.95 * stretch["value"].get<double>());
+  EXPECT_FALSE(result["parameters"]["weft_bend"]["determined"]);
+  const json& certainty = result["certainty"];
+  EXPECT_EQ(certainty["condition_not_finite"], "infinity");
+  EXPECT_EQ(certainty["clusters"], 5);
+  const std::size_t n = certainty["parameters"].size();
+  EXPECT_EQ(certainty["covariance"].size(), n * n);
+  EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("id=\"condition\""));
+}
+
+// Stages and the assessment ask the same of the store, each with shapes of its own.
+TEST_F(Mechanical, OneTestIsFittedInTheIncrementalOrder) {
+  const Outcome outcome =
+      weft({"fit", path("strip"), "--out", path("out"), "--cells", "3", "--model",
+            "soft-constraints", "--order", "incremental", "--isotropic"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  // A linear spring through the curve of the Green strain: 1 + 3/2 (sum s^3) / (sum s^2) as stiff.
+  EXPECT_NEAR(result["parameters"]["weft_stretch"]["value"].get<double>(), 1.05 * kStiffness,
+              0.01 * kStiffness);
+}
+
+// Of a bias extension the pull is measured, across the clips: nothing along them.
+TEST_F(Mechanical, ABiasExtensionIsTheShearOfTheIncrementalOrder) {
+  std::string toml = text_of(folder_ / "strip/capture.toml");
+  toml.replace(toml.find("test = \"strip\""), 14, "test = \"bias-extension\"");
+  toml.replace(toml.find("width = 0.05"), 12, "width = 0.1");
+  write("bias/capture.toml", toml);
+  write("bias/curve.csv", "extension,load\n0,0\n2,0.05\n4,0.1\n6,0.15\n8,0.2\n");
+  const Outcome outcome =
+      weft({"fit", path("strip"), path("bias"), "--out", path("out"), "--cells", "3", "--model",
+            "soft-constraints", "--order", "incremental", "--parameters", "weft_stretch", "shear"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  EXPECT_TRUE(result["parameters"]["shear"]["determined"]) << outcome.out;
+  EXPECT_LT(result["mechanical"][1]["force_relative"].get<double>(), 0.2);
+}
+
+TEST_F(Mechanical, PriorsThatWouldNotCountAreRefused) {
+  write("known.toml", fabric_to_toml(Fabric::with_defaults("known", "stvk")));
+  replace("known.toml", "membrane_uu = {", "membrane_uu = { prior = { median = 500, factor = 2 },");
+  const Outcome outcome =
+      weft({"fit", path("strip"), "--out", path("out"), "--initial", path("known.toml")});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("known.toml: has priors"));
+}
+
 TEST_F(Mechanical, IntervalsSayWhatTheMeshDoes) {
   const Outcome with = fit("with");
   ASSERT_EQ(with.status, 0) << with.err;

@@ -221,7 +221,7 @@ TEST(PictureFrame, FitFindsTheShearAndMarksItsStrain) {
   const ShearCase truth = shear_cases()[0];
   for (int k = 0; k < shear.size(); ++k)
     capture.fixtures[0].forces(0, k) = crosshead(shear[k], truth.slope(shear[k]));
-  const auto trial = prepare_mechanical(capture, {});
+  const auto trial = prepare_mechanical(capture);
   Fabric start = truth.fabric;
   start.set("membrane_shear", 5 * kShear);
   const MechanicalFitResult fit =
@@ -245,7 +245,7 @@ TEST(PictureFrame, IsAShearTestOfTheIncrementalOrder) {
   const Fabric start = Fabric::with_defaults("case", "stvk-diagonal");
   MechanicalCostOptions options;
   options.forces = MechanicalForces::along_clips;
-  const MechanicalProblem problem({prepare_mechanical(capture, {})}, start, {"shear"}, options);
+  const MechanicalProblem problem({prepare_mechanical(capture)}, start, {"shear"}, options);
   EXPECT_EQ(problem.residual_count(), 6u);
   EXPECT_NEAR(fit_mechanical(problem, start).fabric.value("shear"), kShear, 1e-4 * kShear);
 }

@@ -144,8 +144,9 @@ TEST(ReportHtml, CertaintyHasItsConditionAndCorrelations) {
   report.certainty->condition = test::infinity;
   const std::string html = report_to_html(report);
   EXPECT_TRUE(contains(html, "Condition number of the problem: ∞ (above 10¹²"));
-  EXPECT_TRUE(contains(
-      html, "leaving out blocks of 5 frames and parts of the picture in turn, at least 8"));
+  EXPECT_TRUE(contains(html,
+                       "leaving out blocks of frames and parts of the picture in turn (8 or more, "
+                       "5 frames a block)"));
   const auto plots = pieces(html, "<svg", "</svg>");
   const auto correlation = std::ranges::find_if(
       plots, [](const std::string& plot) { return contains(plot, "Correlation of the"); });

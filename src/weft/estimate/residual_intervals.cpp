@@ -17,6 +17,7 @@ ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, co
   const EstimateScatter scatter =
       scatter_of(scaled, model, parts, dispersion, std::max(1.0, model.cost));
   result.certainty = {confidence,
+                      dispersion,
                       parts.size(),
                       scatter.covariance,
                       correlation_of(scatter.covariance),

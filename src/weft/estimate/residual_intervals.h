@@ -9,6 +9,7 @@ namespace weft {
 /// How sure an estimate is as a whole; a row and a column for each parameter, scaled coordinates.
 struct ResidualCertainty {
   double confidence = 0;  ///< of the intervals
+  double dispersion = 0;  ///< 2 / count: what a unit of minus the log likelihood is of the cost
   std::size_t parts = 0;  ///< that were left out in turn; 0: nothing is known
   MatX covariance;        ///< zero for parameters that a bound holds
   MatX correlation;       ///< NaN where not determined

@@ -46,8 +46,9 @@ struct ReportCertainty {
   double confidence = 0.9;  ///< of the intervals
   int clusters = 0;  ///< left out in turn: of blocks of frames, of parts of the picture, the fewer
   double condition = 0;  ///< of the problem; infinity: singular
-  double noise = 0;  ///< of a video Uncertainty::noise, rad^2; at rest 1, of residuals over theirs
-  double dispersion = 0;  ///< of a video Uncertainty::dispersion, in the unit of the error; else 1
+  /// Of a video Uncertainty::noise, rad^2; at rest 2, of residuals over theirs.
+  double noise = 0;
+  double dispersion = 0;  ///< Uncertainty::dispersion, in the unit of the error
   int frames_per_cluster = 1;
   /// What was left out in turn, in words.
   std::string left_out = "blocks of frames and parts of the picture";
