@@ -32,7 +32,7 @@ constexpr double kBetterBy = -0.5;
 /// The interval of `found` in the parameter's own unit, with words for an end that was not found.
 std::string interval_of(const ParameterInfo& info, const Profile& found) {
   const auto end = [&](double scaled, ProfileEnd why, const char* beyond) {
-    const std::string value = fmt::format("{:.4g}", from_scaled(info, scaled));
+    std::string value = fmt::format("{:.4g}", from_scaled(info, scaled));
     switch (why) {
       case ProfileEnd::crossed:
         return value;
