@@ -66,9 +66,11 @@ nlohmann::json from_overhang(const Arguments& arguments) {
   return result;
 }
 
+bool is_table(const std::filesystem::path& profile) { return profile.extension() == ".csv"; }
+
 MaterialPoints read_profile(const Arguments& arguments) {
   const std::filesystem::path path = arguments.profile;
-  if (path.extension() == ".csv") {
+  if (is_table(path)) {
     const TableFile table(path);
     MaterialPoints profile(2, static_cast<Eigen::Index>(table.row_count()));
     profile.row(0) = table.numbers("x").transpose();
@@ -105,19 +107,38 @@ nlohmann::json to_json(const CantileverFit& fit) {
       {"distance_max", fit.distance_max}};
 }
 
-nlohmann::json from_profile(const Arguments& arguments) {
+/// Of a profile that can be fitted: what is wrong then is the window.
+MomentCurvature curve_of(const Arguments& arguments, const MaterialPoints& profile, double weight) {
+  try {
+    return moment_curvature(profile, weight, arguments.window);
+  } catch (const Error& error) {
+    throw Error(fmt::format("--window {:g}: {}", arguments.window, error.what()));
+  }
+}
+
+nlohmann::json from_points(const Arguments& arguments, const MaterialPoints& profile) {
   const double weight = arguments.areal_density * kStandardGravity;
-  const MaterialPoints profile = read_profile(arguments);
-  const MomentCurvature curve = moment_curvature(profile, weight, arguments.window);
   const CantileverFit constant = fit_cantilever(profile, weight, BendTerms::constant);
-  if (!arguments.curve.empty()) write_curve(arguments.curve, profile, curve);
+  const CantileverFit friction = fit_cantilever(profile, weight, BendTerms::friction);
+  if (!arguments.curve.empty())
+    write_curve(arguments.curve, profile, curve_of(arguments, profile, weight));
   if (!arguments.out.empty()) write_with_bend(arguments, constant.law.bend.stiffness(0), "profile");
+  const VecX arc = profile_arc(profile);
   return {{"points", profile.cols()},
-          {"length", curve.arc[curve.arc.size() - 1]},
+          {"length", arc[arc.size() - 1]},
           {"weight", weight},
-          {"root_moment", curve.moment[0]},
+          {"root_moment", profile_moment(profile, weight)[0]},
           {"constant", to_json(constant)},
-          {"with_friction", to_json(fit_cantilever(profile, weight, BendTerms::friction))}};
+          {"with_friction", to_json(friction)}};
+}
+
+nlohmann::json from_profile(const Arguments& arguments) {
+  const MaterialPoints profile = read_profile(arguments);
+  try {
+    return from_points(arguments, profile);
+  } catch (const Error& error) {
+    throw Error(fmt::format("{}: {}", arguments.profile, error.what()));
+  }
 }
 
 void print_overhang(const nlohmann::json& r) {
@@ -149,16 +170,25 @@ void print_profile(const nlohmann::json& r) {
   }
 }
 
-void run(const Arguments& arguments) {
+/// Options that would say nothing.
+void refuse_unused(const Arguments& arguments, const CLI::App& command) {
+  if (arguments.overhang) {
+    refuse_options(command, {"--pixel", "--clamp", "--window", "--curve"}, "an overhang");
+    return;
+  }
+  refuse_options(command, {"--angle"}, "a profile or a picture");
+  if (is_table(arguments.profile)) refuse_options(command, {"--pixel", "--clamp"}, "a CSV");
+  refuse_without(command, "--curve", {"--window"});
+}
+
+void run(const Arguments& arguments, const CLI::App& command) {
   if (arguments.overhang.has_value() == !arguments.profile.empty())
     throw Error("give either a profile or --overhang");
+  refuse_unused(arguments, command);
   if (arguments.fabric.empty() != arguments.out.empty())
     throw Error("--fabric and --out: both or none");
   if (!arguments.out.empty()) check_output_file(arguments.out);
-  if (!arguments.curve.empty()) {
-    if (arguments.overhang) throw Error("--curve: means nothing for an overhang");
-    check_output_file(arguments.curve);
-  }
+  if (!arguments.curve.empty()) check_output_file(arguments.curve);
   const nlohmann::json result =
       arguments.overhang ? from_overhang(arguments) : from_profile(arguments);
   if (arguments.json)
@@ -197,7 +227,8 @@ void add_cantilever(CLI::App& app) {
       ->expected(2);
   command
       ->add_option("--window", arguments->window,
-                   "m to both sides that a curvature is taken over; 0: a third of the length")
+                   "m to both sides that a curvature of --curve is taken over; 0: a third of the "
+                   "length, or more where that holds fewer than 8 points")
       ->check(number_in(0, 1))
       ->capture_default_str();
   command->add_option("--curve", arguments->curve,
@@ -213,7 +244,7 @@ void add_cantilever(CLI::App& app) {
       "  weft cantilever photo.jpg --pixel 1.1e-4 --areal-density 1.39 --curve bend.csv\n"
       "  weft cantilever --overhang 0.09 --areal-density 0.2 --direction warp --fabric base.toml "
       "--out mine.toml");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments, command] { run(*arguments, *command); });
 }
 
 }  // namespace weft::app

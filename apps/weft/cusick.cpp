@@ -158,6 +158,9 @@ void run(const Arguments& arguments) {
     check_output_file(arguments.out);
   }
   check_fit(arguments);
+  if (arguments.options.sectors % 2 != 0)
+    throw Error(fmt::format("--sectors: {} is odd; must be an even number from 24 to 720",
+                            arguments.options.sectors));
   const nlohmann::json result = arguments.fabric.empty() ? measured(arguments)
                                 : arguments.fit          ? fitted(arguments)
                                                          : simulated(arguments);

@@ -51,6 +51,29 @@ TEST_F(Textile, ProfileGivesMomentsAndTheLaw) {
   EXPECT_THAT(text_of(folder_ / "curve.csv"), HasSubstr("arc,x,y,moment,curvature"));
 }
 
+TEST_F(Textile, ProfileOfFewPointsNeedsNoWindow) {
+  const ElasticaProfile bent = heavy_elastica(1e-3, 0.5 * kStandardGravity, 0.15);
+  std::string text = "x,y\n";
+  for (Eigen::Index i = 0; i < bent.at.cols(); i += 20)
+    text += std::to_string(bent.at(0, i)) + "," + std::to_string(bent.at(1, i)) + "\n";
+  write("few.csv", text);
+  EXPECT_NEAR(json_of({"cantilever", path("few.csv"), "--areal-density", "0.5"})["length"], 0.15,
+              1e-4);
+  EXPECT_THAT(refusal({"cantilever", path("few.csv"), "--areal-density", "0.5", "--curve",
+                       path("curve.csv"), "--window", "0.01"}),
+              AllOf(HasSubstr("few.csv: --window 0.01: "), HasSubstr("8 are needed")));
+}
+
+TEST_F(Textile, RefusesAProfileTheWrongWayUp) {
+  const ElasticaProfile bent = heavy_elastica(1e-3, 0.5 * kStandardGravity, 0.15);
+  std::string text = "x,y\n";
+  for (Eigen::Index i = 0; i < bent.at.cols(); i += 4)
+    text += std::to_string(bent.at(0, i)) + "," + std::to_string(-bent.at(1, i)) + "\n";
+  write("down.csv", text);
+  EXPECT_THAT(refusal({"cantilever", path("down.csv"), "--areal-density", "0.5"}),
+              AllOf(HasSubstr("down.csv: "), HasSubstr("y is up")));
+}
+
 TEST_F(Textile, PhotographGivesTheProfile) {
   // A bright band, 6 px wide, along the elastica; 0.5 mm a pixel, from the left border.
   const ElasticaProfile bent = heavy_elastica(1e-3, 0.5 * kStandardGravity, 0.15);
@@ -138,7 +161,22 @@ TEST_F(Textile, RefusesWhatDoesNotGoTogether) {
   EXPECT_THAT(refusal({"cantilever", "--overhang", "0.1", "--areal-density", "0.2", "--out",
                        path("x.toml")}),
               HasSubstr("--fabric"));
+  for (const char* option : {"--pixel", "--window"})
+    EXPECT_THAT(
+        refusal({"cantilever", "--overhang", "0.1", "--areal-density", "0.2", option, "0.01"}),
+        HasSubstr(option + std::string(": means nothing for an overhang")));
+  EXPECT_THAT(
+      refusal({"cantilever", "--overhang", "0.1", "--areal-density", "0.2", "--clamp", "1", "2"}),
+      HasSubstr("--clamp: means nothing for an overhang"));
+  EXPECT_THAT(refusal({"cantilever", "p.csv", "--areal-density", "0.2", "--pixel", "0.001"}),
+              HasSubstr("--pixel: means nothing for a CSV"));
+  EXPECT_THAT(refusal({"cantilever", "p.csv", "--areal-density", "0.2", "--angle", "30"}),
+              HasSubstr("--angle: means nothing for a profile"));
+  EXPECT_THAT(refusal({"cantilever", "p.csv", "--areal-density", "0.2", "--window", "0.01"}),
+              HasSubstr("--window: only with --curve"));
   EXPECT_THAT(refusal({"cusick"}), HasSubstr("--shadow"));
+  EXPECT_THAT(refusal({"cusick", "satin", "--areal-density", "0.1", "--sectors", "25"}),
+              HasSubstr("--sectors: 25 is odd"));
   write_fabric(folder_ / "springs.toml", Fabric::with_defaults("springs", "springs"));
   EXPECT_THAT(refusal({"cusick", path("springs.toml"), "--areal-density", "0.1"}),
               HasSubstr("springs"));

@@ -1,6 +1,6 @@
 #include "weft/estimate/cantilever.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <cmath>
 #include <filesystem>
@@ -91,6 +91,56 @@ TEST(MomentCurvatureOfAProfile, CircularArc) {
   for (int i = 0; i < kPoints; i += 20) EXPECT_NEAR(found.curvature[i], 10, 0.05) << i;
   EXPECT_THROW(moment_curvature(arc.leftCols(5), weight), Error);
   EXPECT_THROW(moment_curvature(arc, weight, 1e-4), Error);
+}
+
+/// A strip of 0.1 m, at `count` points.
+MaterialPoints bent_strip(Eigen::Index count) {
+  const int part = 400 / static_cast<int>(count - 1);
+  const ElasticaProfile bent = heavy_elastica(2e-5, 2, 0.1);
+  MaterialPoints points(2, count);
+  for (Eigen::Index i = 0; i < count; ++i) points.col(i) = bent.at.col(i * part);
+  return points;
+}
+
+std::string refusal_of(const MaterialPoints& profile) {
+  try {
+    fit_cantilever(profile, 2);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST(FitCantilever, RefusesWhatGravityDoesNotBend) {
+  using testing::HasSubstr;
+  const MaterialPoints strip = bent_strip(41);
+  EXPECT_EQ(refusal_of(strip), "no error");
+  MaterialPoints up = strip;
+  up.row(1) *= -1;
+  EXPECT_THAT(refusal_of(up),
+              AllOf(HasSubstr("m above the line along which"), HasSubstr("y is up")));
+  EXPECT_THAT(refusal_of(strip.rowwise().reverse()), HasSubstr("the first point at the clamp"));
+  // From the tip, to the right: a strip that would point up steeply, and bend over.
+  MaterialPoints mirrored = strip.rowwise().reverse();
+  mirrored.row(0) *= -1;
+  EXPECT_THAT(refusal_of(mirrored), HasSubstr("no strip under gravity bends like the profile"));
+  EXPECT_THAT(refusal_of(1000 * strip), HasSubstr("m, must be at most 10; x and y are in m"));
+  // Noise on a strip that hardly bends is none of these.
+  MaterialPoints straight(2, 20);
+  for (Eigen::Index i = 0; i < 20; ++i)
+    straight.col(i) = Vec2(0.005 * static_cast<double>(i), i % 2 == 0 ? 1e-4 : -1e-4);
+  EXPECT_NO_THROW(moment_curvature(straight, 2));
+}
+
+// A third of the length would hold 7 of 21 points at the ends.
+TEST(MomentCurvatureOfAProfile, WindowHoldsWhatACubicNeeds) {
+  for (const Eigen::Index count : {9, 21}) {
+    const MaterialPoints strip = bent_strip(count);
+    const MomentCurvature curve = moment_curvature(strip, 2);
+    EXPECT_EQ(curve.moment, profile_moment(strip, 2));
+    EXPECT_EQ(curve.arc, profile_arc(strip));
+    for (const double c : curve.curvature) EXPECT_TRUE(std::isfinite(c)) << count;
+  }
 }
 
 TEST(FitCantilever, RecoversTheLawThatBentAStrip) {

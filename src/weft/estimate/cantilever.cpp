@@ -17,6 +17,12 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kSteepestClamp = 80 * std::numbers::pi / 180;
 constexpr Eigen::Index kLeastPoints = 8;
+constexpr double kLongest = 10;  // m
+/// Of the length, by which a straight strip's points may be off.
+constexpr double kStraight = 0.01;
+/// Of the length: no strip under gravity is as far from its elastica.
+constexpr double kMostDistance = 0.1;
+constexpr double kMostClamp = 1;  // rad, either sign, in a fit
 
 void require_positive(double value, const char* name) {
   if (value > 0 && std::isfinite(value)) return;
@@ -90,30 +96,6 @@ double root_of(const Function& function, double low, double high) {
   return 0.5 * (low + high);
 }
 
-VecX arc_of(const MaterialPoints& profile) {
-  VecX arc(profile.cols());
-  arc[0] = 0;
-  for (Eigen::Index i = 1; i < arc.size(); ++i) {
-    const double part = (profile.col(i) - profile.col(i - 1)).norm();
-    if (!(part > 0)) throw Error("cantilever: two points of the profile coincide");
-    arc[i] = arc[i - 1] + part;
-  }
-  return arc;
-}
-
-VecX moments(const MaterialPoints& profile, double weight) {
-  const Eigen::Index n = profile.cols();
-  VecX moment(n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    double sum = 0;
-    for (Eigen::Index j = i + 1; j < n; ++j)
-      sum += (profile.col(j) - profile.col(j - 1)).norm() *
-             (0.5 * (profile(0, j) + profile(0, j - 1)) - profile(0, i));
-    moment[i] = weight * sum;
-  }
-  return moment;
-}
-
 /// First and second derivative by s at s0 of a cubic fitted with tricube weights.
 struct Derivatives {
   Vec2 first, second;
@@ -138,12 +120,48 @@ Derivatives local_cubic(const MaterialPoints& profile, const VecX& arc, double s
   return {c.row(1).transpose() / window, 2 * c.row(2).transpose() / (window * window)};
 }
 
+/// What holds the cubics: a third of the length, or the widest run of the points that one needs.
+double default_window(const VecX& arc) {
+  double widest = 0;
+  for (Eigen::Index i = kLeastPoints - 1; i < arc.size(); ++i)
+    widest = std::max(widest, arc[i] - arc[i - kLeastPoints + 1]);
+  return std::max(arc[arc.size() - 1] / 3, 1.001 * widest);  // the rim of a window has no weight
+}
+
+/// A strip under gravity turns down from the direction in which it leaves the clamp, here that of
+/// its first third, and does not turn back.
+void check_orientation(const MaterialPoints& profile, const VecX& arc) {
+  constexpr const char* kMeaning =
+      "x is away from the clamp, y is up, the first point at the clamp";
+  const double length = arc[arc.size() - 1];
+  const Vec2 tip = profile.col(profile.cols() - 1) - profile.col(0);
+  if (!(tip.x() > 0))
+    throw Error(
+        fmt::format("cantilever: the tip's x is {:g} m from the clamp's, must be above 0; {}",
+                    tip.x(), kMeaning));
+  Eigen::Index third = 1;
+  while (arc[third] < length / 3) ++third;
+  const Vec2 along = (profile.col(third) - profile.col(0)).normalized();
+  const double above = along.x() * tip.y() - along.y() * tip.x();
+  if (above > kStraight * length)
+    throw Error(
+        fmt::format("cantilever: the tip is {:.3g} m above the line along which the strip "
+                    "leaves the clamp, must be below; {}",
+                    above, kMeaning));
+}
+
 void check_profile(const MaterialPoints& profile, double weight) {
   require_positive(weight, "weight");
   if (profile.cols() < kLeastPoints)
     throw Error(fmt::format("cantilever: a profile of {} points; {} are needed", profile.cols(),
                             kLeastPoints));
   if (!profile.allFinite()) throw Error("cantilever: a point of the profile is not finite");
+  const VecX arc = profile_arc(profile);
+  const double length = arc[arc.size() - 1];
+  if (!(length <= kLongest))
+    throw Error(fmt::format("cantilever: a strip of {:g} m, must be at most {:g}; x and y are in m",
+                            length, kLongest));
+  check_orientation(profile, arc);
 }
 
 MaterialPoints sampled(const ElasticaProfile& elastica, const VecX& arc) {
@@ -170,7 +188,7 @@ class CantileverResiduals {
   /// `largest`: curvature that the strip reaches.
   CantileverResiduals(const MaterialPoints& profile, double weight, BendTerms terms, double largest)
       : profile_(profile.colwise() - profile.col(0).eval()),
-        arc_(arc_of(profile)),
+        arc_(profile_arc(profile)),
         weight_(weight),
         terms_(terms),
         largest_(largest) {}
@@ -231,10 +249,27 @@ class CantileverResiduals {
   double largest_;
 };
 
+/// Where no strip that is clamped at its first point bends like this.
+void check_fit(const CantileverFit& fit, double length) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  std::string problem;
+  if (fit.distance_rms > kMostDistance * length)
+    problem = fmt::format("the nearest elastica is {:.3g} m rms away, {:.0f} % of the length",
+                          fit.distance_rms, 100 * fit.distance_rms / length);
+  else if (std::abs(fit.root_angle) > kMostClamp - 1e-6)
+    problem = fmt::format("the clamp comes out at {:.0f} degrees, the end of its range",
+                          fit.root_angle / kDegree);
+  if (!problem.empty())
+    throw Error(
+        fmt::format("cantilever: no strip under gravity bends like the profile: {}; x is "
+                    "away from the clamp, y is up, the first point at the clamp",
+                    problem));
+}
+
 CantileverFit fit_terms(const CantileverResiduals& problem, const VecX& start) {
   VecX lower = start.array() - std::log(1e3), upper = start.array() + std::log(1e3);
-  lower[start.size() - 1] = -1;
-  upper[start.size() - 1] = 1;
+  lower[start.size() - 1] = -kMostClamp;
+  upper[start.size() - 1] = kMostClamp;
   LeastSquaresOptions options;
   options.max_iterations = 300;
   options.step_tolerance = 1e-6;
@@ -251,6 +286,7 @@ CantileverFit fit_terms(const CantileverResiduals& problem, const VecX& start) {
   const auto points = MaterialPoints::Map(r.data(), 2, r.size() / 2);
   fit.distance_rms = std::sqrt(points.colwise().squaredNorm().mean());
   fit.distance_max = points.colwise().norm().maxCoeff();
+  check_fit(fit, problem.length());
   return fit;
 }
 
@@ -344,14 +380,37 @@ double overhang_of_rigidity(double weight, double rigidity, double angle) {
   return bending_length(weight, rigidity) * std::cbrt(load_of_chord_angle(angle));
 }
 
+VecX profile_arc(const MaterialPoints& profile) {
+  VecX arc = VecX::Zero(profile.cols());
+  for (Eigen::Index i = 1; i < arc.size(); ++i) {
+    const double part = (profile.col(i) - profile.col(i - 1)).norm();
+    if (!(part > 0)) throw Error("cantilever: two points of the profile coincide");
+    arc[i] = arc[i - 1] + part;
+  }
+  return arc;
+}
+
+VecX profile_moment(const MaterialPoints& profile, double weight) {
+  const Eigen::Index n = profile.cols();
+  VecX moment(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    double sum = 0;
+    for (Eigen::Index j = i + 1; j < n; ++j)
+      sum += (profile.col(j) - profile.col(j - 1)).norm() *
+             (0.5 * (profile(0, j) + profile(0, j - 1)) - profile(0, i));
+    moment[i] = weight * sum;
+  }
+  return moment;
+}
+
 MomentCurvature moment_curvature(const MaterialPoints& profile, double weight, double window) {
   check_profile(profile, weight);
   MomentCurvature out;
-  out.arc = arc_of(profile);
-  out.moment = moments(profile, weight);
+  out.arc = profile_arc(profile);
+  out.moment = profile_moment(profile, weight);
   out.curvature.resize(out.arc.size());
   if (!(window >= 0)) throw Error(fmt::format("cantilever: window {:g} m must be above 0", window));
-  if (window == 0) window = out.arc[out.arc.size() - 1] / 3;
+  if (window == 0) window = default_window(out.arc);
   for (Eigen::Index i = 0; i < out.arc.size(); ++i) {
     const Derivatives d = local_cubic(profile, out.arc, out.arc[i], window);
     out.curvature[i] = (d.first.y() * d.second.x() - d.first.x() * d.second.y()) /
@@ -362,7 +421,7 @@ MomentCurvature moment_curvature(const MaterialPoints& profile, double weight, d
 
 CantileverFit fit_cantilever(const MaterialPoints& profile, double weight, BendTerms terms) {
   check_profile(profile, weight);
-  const VecX arc = arc_of(profile);
+  const VecX arc = profile_arc(profile);
   const double length = arc[arc.size() - 1];
   const Vec2 chord = profile.col(profile.cols() - 1) - profile.col(0);
   const double angle = std::clamp(std::atan2(-chord.y(), chord.x()), 0.02, 1.3);

@@ -62,17 +62,26 @@ double load_of_chord_angle(double angle);
 double rigidity_of_overhang(double weight, double overhang, double angle = kCantileverAngle);
 double overhang_of_rigidity(double weight, double rigidity, double angle = kCantileverAngle);
 
+/// Along the points of a profile (2 x points, m) from the first, m. Throws Error where two points
+/// coincide.
+VecX profile_arc(const MaterialPoints& profile);
+/// Per width, N, at each point of a profile from clamp to tip: M(s) = weight times the integral
+/// from s to L of (x(t) - x(s)) dt, exact for the polygon.
+VecX profile_moment(const MaterialPoints& profile, double weight);
+
 /// What a profile says of itself, from clamp to tip.
 struct MomentCurvature {
   VecX arc;        ///< m from the clamp, along the points
-  VecX moment;     ///< per width, N: weight times horizontal lever arm
+  VecX moment;     ///< profile_moment()
   VecX curvature;  ///< 1/m, positive downwards
 };
 /// Of points on the strip's line from clamp to tip (2 x points, x horizontal away from the clamp, y
-/// up, m). M(s) = w times the integral from s to L of (x(t) - x(s)) dt, exact for the polygon. The
-/// curvature is that of a cubic in s fitted to x and y within `window` (m; 0: a third of the
-/// length) to both sides, with weights that fall to zero there. Throws Error for fewer than 8
-/// points, points that coincide, weight not above 0 and a window with fewer than 8 points.
+/// up, m). The curvature is that of a cubic in s fitted to x and y within `window` (m; 0: a third
+/// of the length, or more where that would hold fewer than 8 points) to both sides, with weights
+/// that fall to zero there. Throws Error for fewer than 8 points, points that coincide, weight not
+/// above 0, a window with fewer than 8 points, a length above 10 m, and a tip that is not beyond
+/// the first point, or above the line along which the strip leaves it by more than 1 % of the
+/// length.
 MomentCurvature moment_curvature(const MaterialPoints& profile, double weight, double window = 0);
 
 /// What a strip's law is made of in a fit.
@@ -88,7 +97,8 @@ struct CantileverFit {
   double distance_max = 0;  ///< m
 };
 /// Least squares over the terms and the angle at the clamp, between points of equal arc length.
-/// Throws Error as moment_curvature.
+/// Throws Error as moment_curvature, but for the window, and where no strip under gravity bends
+/// like the profile: an rms above 10 % of the length, a clamp at 1 rad, the end of its range.
 CantileverFit fit_cantilever(const MaterialPoints& profile, double weight,
                              BendTerms terms = BendTerms::constant);
 
