@@ -101,6 +101,8 @@ TEST_F(ReadMechanical, NamesFileLineAndKey) {
   EXPECT_THAT(refusal_with("capture.toml", "[[0.145, 0]", "[[0.004, 0]"), HasSubstr("overlap"));
   EXPECT_THAT(refusal_with("capture.toml", "\"left_px\"", "\"left_x\""),
               HasSubstr("clips.csv has no column \"left_x\""));
+  EXPECT_THAT(refusal_with("capture.toml", "\"left_py\"", "\"left_px\""),
+              HasSubstr("fixture[0].columns: \"left_px\" is named twice"));
   EXPECT_THAT(refusal_with("capture.toml", "count = 12", "count = 13"),
               HasSubstr("clips.csv: 12 rows; the capture has 13 frames"));
   EXPECT_THAT(refusal_with("capture.toml", "points.pc2", "point.pc2"), HasSubstr("no such file"));
@@ -170,9 +172,35 @@ TEST_F(StandardTest, RefusesWhatItDoesNotKnow) {
   EXPECT_THAT(refusal_with("capture.toml", "\"strip\"", "\"grab\""),
               HasSubstr("test: \"grab\" is not valid; must be one of"));
   EXPECT_THAT(refusal_with("capture.toml", "\"F\"", "\"force\""),
-              HasSubstr("curve.csv has no column \"force\""));
+              HasSubstr("curve.csv has no column \"force\"; there are s, F"));
+  EXPECT_THAT(refusal_with("capture.toml", "\"F\"", "\"s\""),
+              StartsWith("capture.toml:13: curve.force: \"s\" is the column of displacement, too"));
   EXPECT_THAT(refusal_with("curve.csv", "20", "x"),
               StartsWith("curve.csv:3: F: \"x\" is not a finite number"));
+}
+
+TEST_F(StandardTest, JawsDoNotPassThroughEachOther) {
+  const std::string range =
+      " m is out of range; must be above -0.2 and at most 0.4, of a free "
+      "length of 0.2 m; is displacement_unit right?";
+  EXPECT_THAT(refusal_with("curve.csv", "2.5,55", "-200,55"),
+              StartsWith("curve.csv:4: s: -0.2" + range));
+  EXPECT_THAT(refusal_with("curve.csv", "2.5,55", "-199,55"), HasSubstr("has no [geometry]"));
+  EXPECT_THAT(refusal_with("capture.toml", "displacement_unit = \"mm\"\n", ""),
+              StartsWith("curve.csv:3: s: 1" + range));
+}
+
+TEST_F(StandardTest, SaysWhatSeparatesTheColumns) {
+  write("curve.csv", "s;F\n0,0;0,1\n");
+  EXPECT_THAT(refusal(), StartsWith("curve.csv:1: columns seem to be separated by semicolons"));
+  write("curve.csv", "s\tF\n0\t0\n");
+  EXPECT_THAT(refusal(), StartsWith("curve.csv:1: columns seem to be separated by tabs"));
+}
+
+TEST_F(StandardTest, ACommaWithinQuotesIsPartOfTheCell) {
+  write("curve.csv", "s, \"F, cN\" ,\"note\"\n0,0,\"a, b\"\n1,20,\n");
+  replace("capture.toml", "\"F\"", "\"F, cN\"");
+  EXPECT_NEAR(read_mechanical_capture(folder_).fixtures[1].forces(0, 1), 0.2, 1e-15);
 }
 
 class PictureFrameTest : public ReadMechanical {
@@ -229,6 +257,8 @@ TEST_F(PictureFrameTest, NamesFileLineAndKey) {
               StartsWith("capture.toml:10: curve: either displacement or shear_angle is needed"));
   EXPECT_THAT(refusal_with("capture.toml", "displacement = \"d\"\n", ""),
               HasSubstr("curve: either displacement or shear_angle is needed"));
+  EXPECT_THAT(refusal_with("capture.toml", "force = \"F\"", "force = \"d\""),
+              HasSubstr("curve.force: \"d\" is the column of displacement, too"));
   // 2 L (cos 5 degrees - cos 45 degrees) is 0.1156 m.
   EXPECT_THAT(refusal_with("curve.csv", "10,", "120,"),
               StartsWith("curve.csv:3: d: 0.12 m is out of range; must be in [-0.24"));
@@ -240,6 +270,14 @@ TEST_F(PictureFrameTest, NamesFileLineAndKey) {
 
 class CantileverTest : public ReadMechanical {
  protected:
+  /// Reads ten points at 30 degrees below the horizontal, as x and y grow.
+  void with_points(int x, int y) const {
+    std::string text = "x,y\n";
+    for (int i = 0; i < 10; ++i)
+      text += std::to_string(x * 0.00866 * i) + "," + std::to_string(y * 0.005 * i) + "\n";
+    write("profile.csv", text);
+    read_mechanical_capture(folder_);
+  }
   void SetUp() override {
     write("capture.toml",
           "format = \"weft-capture\"\nversion = 1\nkind = \"mechanical\"\ntest = "
@@ -275,6 +313,12 @@ TEST_F(CantileverTest, RefusesWhatIsNoProfile) {
               HasSubstr("clamp_angle_deg"));
   write("profile.csv", "x,y\n0,0\n0.01,0\n");
   EXPECT_THAT(refusal(), HasSubstr("2 points"));
+  // A straight strip is on the clamp's line, but not where that points further down.
+  EXPECT_THAT(message_of([&] { with_points(1, -1); }), HasSubstr("no error"));
+  EXPECT_THAT(message_of([&] { with_points(1, 1); }),
+              AllOf(StartsWith("profile.csv: the tip is"), HasSubstr("y is up")));
+  EXPECT_THAT(message_of([&] { with_points(-1, -1); }),
+              AllOf(HasSubstr("the tip's x is"), HasSubstr("the first point at the clamp")));
   std::string text = "x,y\n";
   for (int i = 0; i < 10; ++i) text += std::to_string(10 * i) + ",0\n";
   write("profile.csv", text);

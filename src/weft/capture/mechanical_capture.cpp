@@ -19,6 +19,8 @@ namespace {
 constexpr double kOnSwatch = 1e-6;    // m
 constexpr double kSamePoint = 1e-9;   // m
 constexpr double kUnitLength = 1e-3;  // of a quaternion
+/// Of a strip's length, by which its tip and the clamp's angle may be off.
+constexpr double kStraight = 0.02;
 
 const std::vector<std::string> kTests{"strip", "bias-extension", "picture-frame", "cantilever"};
 /// Names of a unit and what one is in SI; the first is what counts unless stated.
@@ -66,8 +68,29 @@ Profile read_profile(const std::filesystem::path& path) {
   }
   if (profile.arc[x.size() - 1] > kSwatchSide.upper)
     throw error_at({path, 0, {}},
-                   fmt::format("a strip of {:g} m; x and y are in m", profile.arc[x.size() - 1]));
+                   fmt::format("a strip of {:g} m, must be at most {:g}; x and y are in m",
+                               profile.arc[x.size() - 1], kSwatchSide.upper));
   return profile;
+}
+
+/// A strip under gravity turns down from the clamp, which points `clamp_angle` (rad) below the
+/// horizontal.
+void check_orientation(const Profile& profile, double clamp_angle,
+                       const std::filesystem::path& path) {
+  constexpr const char* kMeaning =
+      "x is away from the clamp, y is up, the first point at the clamp";
+  const Vec2 tip = profile.at.col(profile.at.cols() - 1) - profile.at.col(0);
+  if (!(tip.x() > 0))
+    throw error_at({path, 0, {}},
+                   fmt::format("the tip's x is {:g} m from the clamp's, must be above 0; {}",
+                               tip.x(), kMeaning));
+  const double above = std::cos(clamp_angle) * tip.y() + std::sin(clamp_angle) * tip.x();
+  if (above > kStraight * profile.arc[profile.arc.size() - 1])
+    throw error_at(
+        {path, 0, {}},
+        fmt::format("the tip is {:.3g} m above the line of the clamp, {:g} degrees below "
+                    "the horizontal, must be below; {}",
+                    above, clamp_angle / kDegree, kMeaning));
 }
 
 MeasuredGeometry profile_geometry(const MechanicalCapture& capture) {
@@ -207,11 +230,11 @@ class MechanicalReader {
     }
     MatX values(capture_.frame_count, static_cast<Eigen::Index>(count));
     Eigen::Index column = 0;
+    std::set<std::string> known;
     for (const std::string& name : table.strings(key, count)) {
-      if (!file.has(name)) {
-        throw error_at(table.where(key), fmt::format("{} has no column \"{}\"",
-                                                     file.path().filename().string(), name));
-      }
+      if (!file.has(name)) throw error_at(table.where(key), file.missing(name));
+      if (!known.insert(name).second)
+        throw error_at(table.where(key), fmt::format("\"{}\" is named twice", name));
       values.col(column++) = file.numbers(name);
     }
     return values;
@@ -262,8 +285,8 @@ class MechanicalReader {
     const TableFile& file = table_file(curve, "file");
     const VecX displacement =
         curve_column(curve, "displacement", file) * length_factor(curve, "displacement_unit");
-    const VecX force =
-        curve_column(curve, "force", file) * unit_factor(curve, "force_unit", kForceUnits);
+    check_jaws(curve, file, displacement, free_length);
+    const VecX force = force_column(curve, "displacement", file);
     curve.finish();
     check_has_rows(file);
     take(strip_capture(size, displacement, force));
@@ -291,7 +314,7 @@ class MechanicalReader {
     const TableFile& file = table_file(curve, "file");
     frame.shear = shear_of_frame(curve, file, frame.side);
     const VecX force =
-        curve_column(curve, "force", file) * unit_factor(curve, "force_unit", kForceUnits);
+        force_column(curve, curve.has("shear_angle") ? "shear_angle" : "displacement", file);
     curve.finish();
     check_has_rows(file);
     take(picture_frame_capture(size, std::move(frame), force));
@@ -328,12 +351,11 @@ class MechanicalReader {
     const TomlTable table = file_.table("profile");
     const TableFile& file = table_file(table, "file");
     for (const char* column : {"x", "y"})
-      if (!file.has(column))
-        throw error_at(table.where("file"), fmt::format("{} has no column \"{}\"",
-                                                        file.path().filename().string(), column));
+      if (!file.has(column)) throw error_at(table.where("file"), file.missing(column));
     const double degrees = table.optional_number("clamp_angle_deg", kClampAngle).value_or(0);
     table.finish();
     const Profile profile = read_profile(file.path());
+    check_orientation(profile, degrees * kDegree, file.path());
     size.free_length = profile.arc[profile.arc.size() - 1];
     take(cantilever_capture(size, degrees * kDegree, profile.at.col(0)));
     sources_.assign(1, {table.where("file"), table.where("file")});
@@ -361,11 +383,30 @@ class MechanicalReader {
 
   static VecX curve_column(const TomlTable& curve, std::string_view key, const TableFile& file) {
     const std::string name = curve.string(key);
-    if (!file.has(name)) {
-      throw error_at(curve.where(key),
-                     fmt::format("{} has no column \"{}\"", file.path().filename().string(), name));
-    }
+    if (!file.has(name)) throw error_at(curve.where(key), file.missing(name));
     return file.numbers(name);
+  }
+
+  /// N, of the curve whose other column `motion` names.
+  static VecX force_column(const TomlTable& curve, std::string_view motion, const TableFile& file) {
+    const std::string name = curve.string("force");
+    if (name == curve.string(motion))
+      throw error_at(curve.where("force"),
+                     fmt::format("\"{}\" is the column of {}, too", name, motion));
+    return curve_column(curve, "force", file) * unit_factor(curve, "force_unit", kForceUnits);
+  }
+
+  /// `displacement`: m, of jaws `free_length` m apart, which cannot pass through each other.
+  static void check_jaws(const TomlTable& curve, const TableFile& file, const VecX& displacement,
+                         double free_length) {
+    const double most = (kMaxClipStretch - 1) * free_length;
+    for (Eigen::Index i = 0; i < displacement.size(); ++i) {
+      if (displacement[i] > -free_length && displacement[i] <= most) continue;
+      throw file.fail(static_cast<std::size_t>(i), curve.string("displacement"),
+                      fmt::format("{:g} m is out of range; must be above {:g} and at most {:g}, of "
+                                  "a free length of {:g} m; is displacement_unit right?",
+                                  displacement[i], -free_length, most, free_length));
+    }
   }
 
   // Of all clips together.

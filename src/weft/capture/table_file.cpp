@@ -20,14 +20,31 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(first, text.find_last_not_of(kBlank) - first + 1));
 }
 
+/// Where the first cell ends; a comma within quotes around it does not end it.
+std::size_t end_of_cell(std::string_view line) {
+  const std::size_t first = line.find_first_not_of(" \t");
+  if (first == std::string_view::npos || line[first] != '"') return line.find(',');
+  const std::size_t closing = line.find('"', first + 1);
+  return line.find(',', closing == std::string_view::npos ? first : closing);
+}
+
 std::vector<std::string> split(std::string_view line) {
   std::vector<std::string> cells;
   for (;;) {
-    const std::size_t comma = line.find(',');
+    const std::size_t comma = end_of_cell(line);
     cells.push_back(trimmed(line.substr(0, comma)));
     if (comma == std::string_view::npos) return cells;
     line.remove_prefix(comma + 1);
   }
+}
+
+/// Throws for a header of one cell that other separators would divide.
+void check_separator(std::string_view header, const SourceLocation& where) {
+  for (const auto& [separator, name] : {std::pair{';', "semicolons"}, {'\t', "tabs"}})
+    if (header.find(separator) != std::string_view::npos)
+      throw error_at(where, fmt::format("columns seem to be separated by {}; commas are needed, "
+                                        "and points in numbers",
+                                        name));
 }
 
 }  // namespace
@@ -43,6 +60,7 @@ TableFile::TableFile(const std::filesystem::path& path) : path_(path) {
     if (trimmed(line).empty()) continue;
     std::vector<std::string> cells = split(line);
     if (header_.empty()) {
+      if (cells.size() == 1) check_separator(cells.front(), {path_, number, {}});
       header_ = std::move(cells);
       continue;
     }
@@ -63,6 +81,11 @@ TableFile::TableFile(const std::filesystem::path& path) : path_(path) {
 
 bool TableFile::has(std::string_view column) const {
   return std::find(header_.begin(), header_.end(), column) != header_.end();
+}
+
+std::string TableFile::missing(std::string_view column) const {
+  return fmt::format("{} has no column \"{}\"; there are {}", path_.filename().string(), column,
+                     fmt::join(header_, ", "));
 }
 
 std::size_t TableFile::column_index(std::string_view column) const {

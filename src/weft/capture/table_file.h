@@ -13,14 +13,17 @@ namespace weft {
 /// sample. Cells are kept as text: only the columns that somebody asks for must hold numbers.
 class TableFile {
  public:
-  /// Throws Error (file, line, column) if the file cannot be read, has no header, two columns of
-  /// one name, or rows of another length than the header.
+  /// Throws Error (file, line, column) if the file cannot be read, has no header, one of a single
+  /// column with semicolons or tabs in it, two columns of one name, or rows of another length than
+  /// the header.
   explicit TableFile(const std::filesystem::path& path);
 
   const std::filesystem::path& path() const { return path_; }
   const std::vector<std::string>& header() const { return header_; }
   std::size_t row_count() const { return rows_.size(); }
   bool has(std::string_view column) const;
+  /// That the header does not have `column`, and what it has, for an error elsewhere.
+  std::string missing(std::string_view column) const;
   /// Throws Error for a column that the header does not have, naming those it has.
   std::size_t column_index(std::string_view column) const;
   /// Throws Error for a cell that is not a finite number.
