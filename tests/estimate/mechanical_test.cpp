@@ -297,6 +297,7 @@ TEST(FitMechanical, BeginsOnHalfTheCells) {
       problem, start, {}, [](const MechanicalFitStep& s) { return s.evaluation < 3; });
   EXPECT_EQ(stopped.end, LeastSquaresEnd::stopped);
   EXPECT_NEAR(stopped.cost, problem.cost(problem.scaled(stopped.fabric)), 1e-6 * stopped.cost);
+  EXPECT_TRUE(stopped.mesh.unknown.empty());
 
   EXPECT_FALSE(MechanicalProblem({prepare_mechanical(trial->capture, with_cells(15))}, start,
                                  {"membrane_shear"})
@@ -330,6 +331,25 @@ TEST(FitMechanical, IntervalsHoldWhatTheMeshDoes) {
   const MechanicalFitResult there = fit_mechanical(finer, truth);
   const double moved = finer.scaled(there.fabric)[0] - problem.scaled(without.fabric)[0];
   EXPECT_NEAR(with.mesh.shift[0], moved, 0.1 * std::abs(moved));
+}
+
+// What the mesh does takes as long as several steps.
+TEST(FitMechanical, AStoppedFitDoesNotAskTheMesh) {
+  const auto trial = prepare_mechanical(bundled("blend_strip_45", {2, 11}), with_cells(8));
+  Fabric start = true_fabric("blend_strip_45");
+  start.set("membrane_shear", 5 * start.value("membrane_shear"));
+  const MechanicalProblem problem({trial}, start, {"membrane_shear"});
+  MechanicalFitOptions options;
+  options.mesh_error = MeshError::included;
+  for (const FirstCells first : {FirstCells::halved, FirstCells::as_given}) {
+    options.first_cells = first;
+    const MechanicalFitResult stopped = fit_mechanical(
+        problem, start, options, [](const MechanicalFitStep& s) { return s.evaluation < 2; });
+    EXPECT_EQ(stopped.end, LeastSquaresEnd::stopped);
+    EXPECT_EQ(stopped.mesh.shift.size(), 0);
+    EXPECT_EQ(stopped.mesh.unknown, "the fit was stopped");
+    EXPECT_EQ(stopped.intervals.size(), 1u);
+  }
 }
 
 // From the shapes on wider cells the same equilibria, in fewer steps than from where the clips are.

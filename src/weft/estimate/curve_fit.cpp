@@ -121,7 +121,8 @@ class CurveFitter {
     const std::size_t evaluations = result.fit.evaluations, replayed = result.fit.replayed;
     const Group all = everything();
     MechanicalShapes shapes;
-    result.fit = assess_mechanical(problem(all, fabric_), fabric_, options_.fit, &shapes);
+    const auto assess = stopped_ ? assess_stopped : assess_mechanical;
+    result.fit = assess(problem(all, fabric_), fabric_, options_.fit, &shapes);
     const MechanicalProblem at_start = problem(all, start, result.fit.weights);
     const Replays replays(at_start);
     shapes = at_start.as_starts(shapes, "start");

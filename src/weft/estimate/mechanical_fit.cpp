@@ -751,6 +751,16 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
+MechanicalFitOptions without_mesh(MechanicalFitOptions options) {
+  options.mesh_error = MeshError::left_out;
+  return options;
+}
+
+/// Of a fit that was stopped.
+void leave_mesh_unknown(const MechanicalFitOptions& asked, MechanicalFitResult& result) {
+  if (asked.mesh_error == MeshError::included) result.mesh.unknown = "the fit was stopped";
+}
+
 /// Searches one after the other, each with the weights of where the one before ended.
 class FitSearch {
  public:
@@ -867,7 +877,9 @@ class FitSearch {
     result_.replayed += replays.since();
     result_.inexact = at_end.inexact;
     result_.weights = problem_.weights();
-    add_intervals(problem_, found.x, at_end, shapes, options_, result_);
+    if (stopped_) leave_mesh_unknown(options_, result_);
+    add_intervals(problem_, found.x, at_end, shapes, stopped_ ? without_mesh(options_) : options_,
+                  result_);
   }
 
   MechanicalProblem problem_;
@@ -914,15 +926,13 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
   if (!half) return straight();
   MechanicalFitResult first;
   try {
-    MechanicalFitOptions on_the_way = options;
-    on_the_way.mesh_error = MeshError::left_out;
-    first = FitSearch(*half, on_the_way, observer, nullptr).run(start);
+    first = FitSearch(*half, without_mesh(options), observer, nullptr).run(start);
   } catch (const MechanicalStartError&) {
     return straight();
   }
   MechanicalFitResult result;
   if (first.end == LeastSquaresEnd::stopped) {
-    result = assess_mechanical(problem, first.fabric, options);
+    result = assess_stopped(problem, first.fabric, options);
     result.end = first.end;
   } else {
     const MechanicalFitObserver after_first = [&](MechanicalFitStep step) {
@@ -957,6 +967,13 @@ MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fa
   add_intervals(weighed, x, found, here, options, result);
   if (shapes) *shapes = here;
   result.wall_s = seconds_since(begin);
+  return result;
+}
+
+MechanicalFitResult assess_stopped(const MechanicalProblem& problem, const Fabric& fabric,
+                                   const MechanicalFitOptions& options, MechanicalShapes* shapes) {
+  MechanicalFitResult result = assess_mechanical(problem, fabric, without_mesh(options), shapes);
+  leave_mesh_unknown(options, result);
   return result;
 }
 

@@ -318,5 +318,10 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
 MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,
                                       const MechanicalFitOptions& options = {},
                                       MechanicalShapes* shapes = nullptr);
+/// The same at the end of a fit that was stopped: what the mesh does, which takes as long as
+/// several steps of the search, counts as unknown then.
+MechanicalFitResult assess_stopped(const MechanicalProblem& problem, const Fabric& fabric,
+                                   const MechanicalFitOptions& options,
+                                   MechanicalShapes* shapes = nullptr);
 
 }  // namespace weft
