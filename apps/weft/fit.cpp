@@ -524,7 +524,8 @@ void add_fit(CLI::App& app) {
                       "optional terms of the model to take in, at their defaults, such as "
                       "drag_normal_linear; `weft fabrics` lists them");
   command->add_option("--parameters", arguments->parameters,
-                      "parameters to search (default: all of the fabric)");
+                      "parameters to search (default: all of the fabric; of mechanical captures "
+                      "alone those that act at rest)");
   command
       ->add_option("--method", arguments->method,
                    "auto: least squares through the derivatives of the motion, then annealing from "

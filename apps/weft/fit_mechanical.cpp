@@ -29,6 +29,11 @@ Fabric start_fabric(const MechanicalFitArguments& arguments,
                       captures.front().areal_density, arguments.captures);
 }
 
+/// Damping and drag, which do nothing at rest.
+bool needs_motion(std::string_view name) {
+  return name.ends_with("_damping") || name.starts_with("drag_");
+}
+
 std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments,
                                          const Fabric& fabric) {
   for (const std::string& name : arguments.parameters) {
@@ -38,7 +43,29 @@ std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments
       throw Error(fmt::format("--parameters: {}", error.what()));
     }
   }
-  return arguments.parameters.empty() ? fabric.value_names() : arguments.parameters;
+  if (!arguments.parameters.empty()) return arguments.parameters;
+  std::vector<std::string> names = fabric.value_names();
+  std::erase_if(names, needs_motion);
+  return names;
+}
+
+/// The rows of a fit of curves. Throws Error where --subdivide has none to work on.
+std::vector<std::string> free_rows(const MechanicalFitArguments& arguments, const Fabric& fabric) {
+  std::vector<std::string> rows = arguments.parameters;
+  if (rows.empty()) {
+    for (const ParameterInfo& row : model_parameters(fabric.model))
+      if (fabric.value_count(row.name) > 0 && !needs_motion(row.name)) rows.emplace_back(row.name);
+  }
+  const auto may_be_curve = [&](const std::string& row) {
+    const auto index = static_cast<std::size_t>(parameter_index(fabric.model, row));
+    return !model_parameters(fabric.model)[index].curve_over.empty();
+  };
+  if (arguments.curves->shape == CurveShape::subdivided && std::ranges::none_of(rows, may_be_curve))
+    throw Error(
+        fmt::format("--subdivide: no parameter of model \"{}\" that is searched may be a "
+                    "curve; of stvk-diagonal stretch, shear and bend may",
+                    fabric.model));
+  return rows;
 }
 
 /// The start with what --start asks for in place of the free values.
@@ -179,9 +206,10 @@ CurveFitResult search(const MechanicalFitArguments& arguments,
     options.fit = fit;
     options.threads = arguments.threads;
     const Fabric start = placed(all, initial, arguments);
-    options.store = open_mechanical_store(
-        arguments.out, fit_fingerprint(trials, start, arguments.parameters, options));
-    result = fit_curves(trials, start, arguments.parameters, options, observer);
+    const std::vector<std::string> rows = free_rows(arguments, initial);
+    options.store =
+        open_mechanical_store(arguments.out, fit_fingerprint(trials, start, rows, options));
+    result = fit_curves(trials, start, rows, options, observer);
   } else {
     result.free = free_parameters(arguments, initial);
     MechanicalProblem problem(trials, initial, result.free, cost, arguments.threads);
@@ -207,6 +235,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   }
   const Fabric initial = start_fabric(arguments, captures);
   refuse_priors(arguments.initial, "mechanical captures alone");
+  if (arguments.curves) free_rows(arguments, initial);  // before the folder is made
   prepare_fit_folder(out, {kMechanicalStoreName},
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
   std::vector<std::shared_ptr<const MechanicalTrial>> trials;
@@ -221,7 +250,8 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   std::vector<MechanicalEvaluation> evaluations;
   for (std::size_t i = 0; i < trials.size(); ++i)
     evaluations.push_back(compare_mechanical(*trials[i], frames[i]));
-  const Report report = make_report(arguments, found.free, fit, names);
+  Report report = make_report(arguments, found.free, fit, names);
+  add_match_remarks(captures, evaluations, arguments.point_noise, report);
   MechanicalReport shown =
       report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,
                            fit.certainty.correlation, fit.cord_friction);

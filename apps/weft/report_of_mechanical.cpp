@@ -112,6 +112,12 @@ ReportClip report_clip(const MechanicalTrial& trial, std::size_t index,
 
 constexpr double kLeftOut = 0.005;  // of the area, at either end of a histogram
 
+/// Whether a strain occurs: less than this is rounding.
+bool occurs(MaterialTest test, double lower, double upper) {
+  const double least = is_bend(test) ? 1e-4 : 1e-8;  // 1/m, 1
+  return upper - lower > least;
+}
+
 ReportHistogram report_histogram(MaterialTest test, const StrainSample& sample) {
   constexpr int kBins = 40;
   ReportHistogram histogram;
@@ -119,7 +125,7 @@ ReportHistogram report_histogram(MaterialTest test, const StrainSample& sample) 
   histogram.unit = is_bend(test) ? "1/m" : "";
   histogram.lower = quantile(sample, kLeftOut);
   histogram.upper = quantile(sample, 1 - kLeftOut);
-  if (!(histogram.upper > histogram.lower)) return histogram;
+  if (!occurs(test, histogram.lower, histogram.upper)) return histogram;
   histogram.share.assign(kBins, 0);
   double total = 0;
   for (std::size_t i = 0; i < sample.value.size(); ++i) {
@@ -301,6 +307,83 @@ ReportResponse report_response(const Fabric& fabric, MaterialTest test, double l
   return out;
 }
 
+// What a fit is warned of.
+constexpr double kMuchError = 10;
+constexpr double kMuchForce = 0.03;       // of the largest
+constexpr double kMuchDistance = 5;       // times the noise of a point
+constexpr double kMuchOffset = 0.05;      // of the largest force
+constexpr double kNotDisplaced = 1e-3;    // of the largest displacement
+constexpr double kLeastDisplaced = 1e-3;  // of the distance of the clips, or rad
+constexpr double kStiffest = 1e5;         // N/m
+
+/// Empty where the model explains the capture.
+std::string mismatch(const MechanicalEvaluation& evaluation, double point_noise) {
+  const bool force = evaluation.force_relative > kMuchForce,
+             shape = evaluation.point_count > 0 &&
+                     evaluation.distance.rms > kMuchDistance * point_noise;
+  if (!force && !shape) return {};
+  return "the model does not explain it: " + summary(evaluation) + ".";
+}
+
+/// How far two clips are from where they hold the cloth undeformed, over their distance, or the
+/// shear of a picture frame, frame by frame; empty for other captures.
+std::vector<double> displacements(const MechanicalCapture& capture) {
+  std::vector<double> ways;
+  if (capture.picture_frame) {
+    for (const double shear : capture.picture_frame->shear) ways.push_back(std::abs(shear));
+    return ways;
+  }
+  if (capture.fixtures.size() != 2) return {};
+  for (int frame = 0; frame < capture.frame_count; ++frame) {
+    const std::vector<Clip> clips = capture.clips(frame);
+    const Vec2 flat = clips[1].region.center() - clips[0].region.center();
+    const Vec3 there = clips[0].position + clips[0].rotation * Vec3(flat.x(), flat.y(), 0);
+    ways.push_back((clips[1].position - there).norm() / flat.norm());
+  }
+  return ways;
+}
+
+/// The largest measured force of a clip at a frame, N, of the components that are known.
+double largest_force(const MechanicalCapture& capture, std::size_t frame) {
+  double largest = 0;
+  for (const MechanicalFixture& fixture : capture.fixtures) {
+    if (fixture.forces.cols() == 0) continue;
+    const Vec3 force = fixture.forces.col(static_cast<Eigen::Index>(frame));
+    largest = std::max(largest, force.array().isNaN().select(Vec3::Zero(), force).norm());
+  }
+  return largest;
+}
+
+/// Of the first frame, before anything rubbed; with gravity or cords forces need no displacement.
+std::string offset(const MechanicalCapture& capture, const std::vector<double>& ways) {
+  if (ways.empty() || capture.drive == ClipDrive::cords || !capture.gravity.isZero()) return {};
+  if (ways.front() > kNotDisplaced * std::ranges::max(ways)) return {};
+  double most = 0;
+  for (std::size_t k = 0; k < ways.size(); ++k) most = std::max(most, largest_force(capture, k));
+  const double here = largest_force(capture, 0);
+  if (!(here > kMuchOffset * most)) return {};
+  return fmt::format(
+      "at its first frame, without a displacement, the force is {:.3g} N, {:.0f} % of the largest: "
+      "an offset of the gauge, or a preload.",
+      here, 100 * here / most);
+}
+
+std::string little_displacement(const MechanicalCapture& capture, const std::vector<double>& ways) {
+  if (ways.empty() || std::ranges::max(ways) > kLeastDisplaced) return {};
+  return fmt::format(
+      "the largest {} is {:.2g}: is the unit right?",
+      capture.picture_frame ? "shear angle (rad)" : "displacement over the distance of the clips",
+      std::ranges::max(ways));
+}
+
+bool is_stretch_stiffness(const ReportParameter& p) {
+  if (p.name.find("friction") != std::string::npos || p.unit != "N/m") return false;
+  for (const char* row :
+       {"weft_stretch", "warp_stretch", "stretch_stiffness", "membrane_uu", "membrane_vv"})
+    if (p.name.starts_with(row)) return true;
+  return false;
+}
+
 /// For a plot, not to compute with.
 nlohmann::json rounded(const std::vector<double>& values) {
   nlohmann::json list = nlohmann::json::array();
@@ -344,10 +427,31 @@ MechanicalReport report_of_mechanical(
   const double cell = mean_cell(trials);
   if (has_springs(fabric)) report.response_remark = springs_remark(cell);
   for (std::size_t k = 0; k < kMaterialTests.size(); ++k)
-    if (upper[k] > lower[k])
+    if (occurs(kMaterialTests[k], lower[k], upper[k]))
       report.responses.push_back(
           report_response(fabric, kMaterialTests[k], lower[k], upper[k], cell, spread));
   return report;
+}
+
+void add_match_remarks(const std::vector<MechanicalCapture>& captures,
+                       const std::vector<MechanicalEvaluation>& evaluations, double point_noise,
+                       Report& report) {
+  for (std::size_t i = 0; i < captures.size(); ++i) {
+    const std::string& name = captures[i].name;
+    const auto add = [&](const std::string& problem) {
+      if (!problem.empty()) report.remarks.push_back(fmt::format("{}: {}", name, problem));
+    };
+    if (report.error > kMuchError) add(mismatch(evaluations[i], point_noise));
+    const std::vector<double> ways = displacements(captures[i]);
+    add(offset(captures[i], ways));
+    add(little_displacement(captures[i], ways));
+  }
+  for (const ReportParameter& p : report.parameters)
+    if (p.free && is_stretch_stiffness(p) && p.value > kStiffest)
+      report.remarks.push_back(
+          fmt::format("{} is {:.3g} N/m, more than that of cloth: are the units of forces, "
+                      "displacements and the specimen right?",
+                      p.name, p.value));
 }
 
 void add_series(const ReportMechanical& capture, nlohmann::json& entry) {

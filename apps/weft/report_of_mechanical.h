@@ -6,6 +6,7 @@
 
 #include "weft/estimate/mechanical_fit.h"
 #include "weft/report/mechanical_report.h"
+#include "weft/report/report.h"
 
 namespace weft::app {
 
@@ -19,6 +20,14 @@ MechanicalReport report_of_mechanical(
     const std::vector<MechanicalEvaluation>& evaluations, const Fabric& fabric,
     const std::vector<ParameterInterval>& intervals, const MatX& correlation,
     const std::vector<CordFrictionEstimate>& cord_friction);
+
+/// Adds what is to be read before the numbers of `report`, a fit to these captures: those that the
+/// model does not explain (an error above 10 with forces off by 3 % of the largest, or shapes by
+/// five times `point_noise`, m), forces where the clips are not displaced, displacements of less
+/// than 0.1 % and stretch stiffness above 1e5 N/m.
+void add_match_remarks(const std::vector<MechanicalCapture>& captures,
+                       const std::vector<MechanicalEvaluation>& evaluations, double point_noise,
+                       Report& report);
 
 /// The series of a capture's plots for its entry in result.json: `clips` and `strains`. Numbers are
 /// rounded to six digits; null where there is none.

@@ -103,6 +103,65 @@ std::vector<std::string> names_of(const json& responses) {
   return names;
 }
 
+// Neither the warp nor the shear of a strip that is pulled evenly is strained.
+TEST_F(Mechanical, ShowsNoCurveOverRounding) {
+  const Outcome outcome = weft({"fit", path("strip"), "--out", path("out"), "--cells", "3",
+                                "--model", "soft-constraints", "--parameters", "weft_stretch"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  EXPECT_EQ(names_of(result["responses"]), std::vector<std::string>{"weft stretch"});
+  EXPECT_EQ(names_of(result["mechanical"][0]["strains"]), std::vector<std::string>{"weft stretch"});
+}
+
+TEST_F(Mechanical, WarnsOfWhatTheModelDoesNotExplain) {
+  const auto remarks_of = [&](double offset, double of_displacement) {
+    std::string curve = "extension,load\n";
+    for (int k = 0; k <= 4; ++k)
+      curve += fmt::format("{:.6f},{:.6f}\n", of_displacement * 2 * k, offset + 0.4 * k);
+    write("strip/curve.csv", curve);
+    const Outcome outcome =
+        weft({"fit", path("strip"), "--out", path("out"), "--cells", "3", "--model",
+              "soft-constraints", "--parameters", "weft_stretch", "--overwrite"});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    std::string remarks;
+    const json result = json::parse(text_of(folder_ / "out/result.json"));
+    for (const json& remark : result["remarks"]) {
+      EXPECT_THAT(outcome.out, HasSubstr("warning: " + remark.get<std::string>()));
+      remarks += remark.get<std::string>() + "\n";
+    }
+    return remarks;
+  };
+  EXPECT_EQ(remarks_of(0, 1), "");
+  EXPECT_THAT(remarks_of(0.5, 1),
+              AllOf(HasSubstr("strip: the model does not explain it: force "),
+                    HasSubstr("strip: at its first frame, without a displacement, the force is "
+                              "0.5 N, 24 % of the largest")));
+  EXPECT_THAT(remarks_of(0, 1e-3),
+              AllOf(HasSubstr("strip: the largest displacement"), HasSubstr("weft_stretch is"),
+                    HasSubstr("units of forces")));
+}
+
+TEST_F(Mechanical, SearchesWhatActsAtRest) {
+  const auto free_of = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words{
+        "fit", path("strip"), "--out",         path("out"),       "--cells",
+        "2",   "--model",     "baraff-witkin", "--no-mesh-error", "--overwrite"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Outcome outcome = weft(words);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    std::vector<std::string> free;
+    const json result = json::parse(text_of(folder_ / "out/result.json"));
+    for (const auto& [name, parameter] : result["parameters"].items())
+      if (parameter["free"].get<bool>()) free.push_back(name);
+    return free;
+  };
+  const auto elastic =
+      testing::UnorderedElementsAre("stretch_stiffness", "shear_stiffness", "bend_stiffness");
+  EXPECT_THAT(free_of({}), elastic);
+  EXPECT_THAT(free_of({"--order", "joint"}), elastic);
+  EXPECT_THAT(free_of({"--parameters", "drag_linear"}), testing::ElementsAre("drag_linear"));
+}
+
 TEST_F(Mechanical, SpringsHaveCurvesOfTheirCells) {
   const Outcome outcome =
       weft({"fit", path("strip"), "--out", path("out"), "--cells", "3", "--model", "springs",
@@ -239,6 +298,10 @@ TEST_F(Mechanical, AKilledOrStoppedFitContinues) {
       ASSERT_EQ(child.status(), signal == SIGKILL ? -SIGKILL : 130) << child.err();
       EXPECT_EQ(std::filesystem::exists(folder_ / out / "result.json"), signal == SIGINT);
       EXPECT_GE(rows_of_store(out), 2);
+      if (signal == SIGINT) {
+        EXPECT_TRUE(without_circumstances(out)["mesh_shift"].is_null());
+        EXPECT_THAT(child.out(), HasSubstr("not known: the fit was stopped"));
+      }
       const Outcome continued = weft(words(out));
       ASSERT_EQ(continued.status, 0) << continued.err;
       EXPECT_THAT(continued.out, Not(HasSubstr("(0 replayed)")));
@@ -298,10 +361,6 @@ TEST_F(Mechanical, FitsTogetherWithAVideo) {
   for (int k = 0; k <= 4; ++k)
     curve +=
         fmt::format("{:.4f},{:.6f}\n", 1e3 * kLength * 0.01 * k, kWidth * stiffness * 0.01 * k);
-      if (signal == SIGINT) {
-        EXPECT_TRUE(without_circumstances(out)["mesh_shift"].is_null());
-        EXPECT_THAT(child.out(), HasSubstr("not known: the fit was stopped"));
-      }
   write("strip/curve.csv", curve);
   Fabric start = truth;
   start.set("stretch_stiffness", 3 * stiffness);
@@ -392,6 +451,14 @@ TEST_F(Mechanical, RefusesWhatCannotBeMeant) {
               HasSubstr("--grid"));
   EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--parameters", "bend"}),
               HasSubstr("--parameters"));
+  EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--subdivide"}),
+              AllOf(HasSubstr("--subdivide"), HasSubstr("\"stvk\"")));
+  EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--model", "stvk-diagonal",
+                       "--subdivide", "--parameters", "bend_twist"}),
+              HasSubstr("bend_twist"));
+  EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--model", "stvk-diagonal",
+                       "--subdivide", "--parameters", "stretch_coupling"}),
+              HasSubstr("--subdivide: no parameter"));
   write("strip/curve.csv", "extension,load\n0,0\n1,two\n");
   EXPECT_THAT(refusal({"check", path("strip")}), HasSubstr("curve.csv:3"));
 }
