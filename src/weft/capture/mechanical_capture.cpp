@@ -233,9 +233,11 @@ class MechanicalReader {
     std::set<std::string> known;
     for (const std::string& name : table.strings(key, count)) {
       if (!file.has(name)) throw error_at(table.where(key), file.missing(name));
-      if (!known.insert(name).second)
+      const VecX numbers = file.numbers(name);
+      // What stays the same, a zero, may stand for several.
+      if (!known.insert(name).second && numbers.minCoeff() < numbers.maxCoeff())
         throw error_at(table.where(key), fmt::format("\"{}\" is named twice", name));
-      values.col(column++) = file.numbers(name);
+      values.col(column++) = numbers;
     }
     return values;
   }

@@ -69,10 +69,10 @@ struct MechanicalCapture {
 
 /// Reads and checks capture.toml and the tables that it names: every key known, ranges, shapes;
 /// regions on the swatch that do not overlap, poses that are rotations, clips no further apart than
-/// three times their distance on the undeformed swatch, no column named twice. Also reads the short
-/// form for standard tests (`test`, docs/formats.md), with a cantilever's profile, whose tip must
-/// be beyond the clamp and below its line. Throws Error. Does not open the shape of the general
-/// form.
+/// three times their distance on the undeformed swatch, no column that changes named twice. Also
+/// reads the short form for standard tests (`test`, docs/formats.md), with a cantilever's profile,
+/// whose tip must be beyond the clamp and below its line. Throws Error. Does not open the shape of
+/// the general form.
 MechanicalCapture read_mechanical_capture(const std::filesystem::path& folder);
 
 /// Measured shapes: points of known (u, v), triangulated, frame by frame.
