@@ -7,7 +7,6 @@
 #include <memory>
 #include <string>
 
-#include "command_line.h"
 #include "commands.h"
 #include "options.h"
 #include "weft/base/error.h"
@@ -147,11 +146,9 @@ void run(const Arguments& arguments) {
           info.name, from_scaled(info, least->x[i]), info.unit);
   }
   if (!csv) throw Error((out / "profile.csv").string() + ": cannot be written");
-  fmt::print("{}\n", (out / "profile.csv").string());
-  if (interrupted()) {
-    fmt::print("stopped early\n");
-    throw CLI::RuntimeError(stopped_early);
-  }
+  const std::string points = (out / "profile.csv").string();
+  end_if_stopped(interrupted(), points + " has the points so far");
+  fmt::print("{}\n", points);
 }
 
 }  // namespace

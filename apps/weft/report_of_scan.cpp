@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "weft/fabric/orthotropic.h"
+#include "weft/registration/registration_checks.h"
 
 namespace weft::app {
 namespace {
@@ -51,7 +52,7 @@ std::optional<ReportRegistration> report_registration(const ScanTrial& trial) {
   r.residual_95 = found.residual_p95;
   r.strain_rms = found.strain_rms;
   r.vertices = static_cast<int>(found.weight.size());
-  for (int v = 0; v < r.vertices; ++v) r.unsupported += !found.supported(v);
+  r.unsupported = unsupported_vertices(found);
   return r;
 }
 

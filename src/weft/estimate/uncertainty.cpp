@@ -134,20 +134,26 @@ double student_quantile(double p, double degrees_of_freedom) {
   return z + (g1 + (g2 + (g3 + g4 / n) / n) / n) / n;
 }
 
-MatX pseudo_inverse(const MatX& matrix) {
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(matrix);
+namespace {
+
+MatX pseudo_inverse_of(const Eigen::SelfAdjointEigenSolver<MatX>& eigen) {
   VecX inverse = eigen.eigenvalues().cwiseInverse();
   inverse.head(null_count(eigen.eigenvalues())).setZero();
   return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
+}  // namespace
+
+MatX pseudo_inverse(const MatX& matrix) {
+  return pseudo_inverse_of(Eigen::SelfAdjointEigenSolver<MatX>(matrix));
+}
+
 double cluster_dispersion(const std::vector<CostPart>& clusters) {
   const CostPart sum = sum_of(clusters);
-  const VecX values =
-      Eigen::SelfAdjointEigenSolver<MatX>(sum.hessian, Eigen::EigenvaluesOnly).eigenvalues();
-  const MatX pseudo = pseudo_inverse(sum.hessian);
+  const Eigen::SelfAdjointEigenSolver<MatX> eigen(sum.hessian);
+  const MatX pseudo = pseudo_inverse_of(eigen);
   const VecX step = pseudo * sum.gradient;
-  double scatter = 0, freedom = double(values.size() - null_count(values));
+  double scatter = 0, freedom = double(sum.gradient.size() - null_count(eigen.eigenvalues()));
   for (const CostPart& cluster : clusters) {
     const VecX gradient = cluster.gradient - cluster.hessian * step;
     scatter += gradient.dot(pseudo * gradient);
