@@ -2,10 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <string>
+#include <utility>
 
 #include "common/elastic_battery.h"
 #include "weft/base/error.h"
+#include "weft/model/material_response.h"
 
 namespace weft {
 namespace {
@@ -74,14 +78,17 @@ Fabric rough(const std::string& model) {
     fabric.set(component + "_friction", amplitude);
     fabric.set(component + "_friction_scale", scale);
   };
-  if (model == "stvk") {
+  const bool springs = model == "springs";
+  if (model == "stvk")
     fabric.values.head(8) << 40, 15, 25, 12, 40e-4, 15e-4, 25e-4, 12e-4;
-  } else {
+  else if (springs)
+    fabric.values.head(6) << 40, 25, 12, 4, 2, 3;
+  else if (model != "piecewise-linear")
     fabric.values.head(6) << 40, 25, 12, 4e-3, 2e-3, 3e-3;
-  }
   set("warp_stretch", 2, 0.05);
   set("shear", 1.5, 0.1);
-  set("weft_bend", 0.01, 10);
+  // Of sheets a moment over curvatures, of springs a force over elongations.
+  set("weft_bend", springs ? 0.5 : 0.01, springs ? 0.03 : 10);
   return fabric;
 }
 
@@ -94,7 +101,8 @@ void start_from_a_frame(ElasticModel& model) {
 }
 
 TEST(FrictionModel, EnergyAndDerivativesAtAHistory) {
-  for (const char* name : {"stvk", "soft-constraints"}) {
+  for (const char* name : {"stvk", "soft-constraints", "springs"}) {
+    SCOPED_TRACE(name);
     const auto model = make_elastic_model(make_swatch(3 * kSize, 2 * kSize, 4, 3), rough(name));
     start_from_a_frame(*model);
     const testing::Energy energy = testing::energy_of(*model);
@@ -108,10 +116,11 @@ TEST(FrictionModel, EnergyAndDerivativesAtAHistory) {
   }
 }
 
-TEST(FrictionModel, DerivativesGoAlongWithTheHistory) {
+void expect_derivatives_along_with_the_history(const std::string& name) {
+  SCOPED_TRACE(name);
   // Two frames at shapes that move with the parameters: total derivative of the second frame's
   // gradient against differences over the whole sequence.
-  const Fabric fabric = rough("stvk");
+  const Fabric fabric = rough(name);
   const auto model = make_elastic_model(make_swatch(3 * kSize, 2 * kSize, 4, 3), fabric);
   const auto shapes = testing::states(model->mesh(), kSize);
   const int p = static_cast<int>(fabric.values.size());
@@ -159,6 +168,10 @@ TEST(FrictionModel, DerivativesGoAlongWithTheHistory) {
   }
 }
 
+TEST(FrictionModel, DerivativesGoAlongWithTheHistory) {
+  for (const char* name : {"stvk", "springs"}) expect_derivatives_along_with_the_history(name);
+}
+
 TEST(FrictionModel, ALoopOfAStripLiesTwoAmplitudesApart) {
   Fabric fabric = Fabric::with_defaults("strip", "soft-constraints");
   fabric.include("weft_stretch_friction");
@@ -182,6 +195,70 @@ TEST(FrictionModel, ALoopOfAStripLiesTwoAmplitudesApart) {
   for (const double e : {0.06, 0.05}) down = pull(e);
   EXPECT_NEAR(up, 500 * 0.05 + 8 * 1.05, 1e-6);  // friction stress is on the Green strain
   EXPECT_NEAR(down, 500 * 0.05 - 8 * 1.05, 1e-6);
+}
+
+/// The stress of a test at `strain` after half of it, and after twice of it.
+std::pair<double, double> loading_and_unloading(const Fabric& fabric, MaterialTest test,
+                                                double strain) {
+  const std::array strains{0.5 * strain, strain, 2 * strain, 1.5 * strain, strain};
+  MaterialResponseOptions options;
+  options.path = StrainPath::continued;
+  options.cell = kSize;
+  const VecX stress = material_response(fabric, test, strains, options).stress;
+  return {stress[1], stress[4]};
+}
+
+TEST(FrictionModel, LoopsOfSpringsAndOfTheTableLieTwoAmplitudesApart) {
+  // Elongation is the strain of springs, that of Green of the table: its stress is by 1.02 more
+  // force. A shear of 0.02 turns the diagonals by 0.01: its square is what is left out.
+  const auto apart = [](const Fabric& fabric, MaterialTest test) {
+    const auto [loading, unloading] = loading_and_unloading(fabric, test, 0.02);
+    return loading - unloading;
+  };
+  for (const std::string name : {"springs", "piecewise-linear"}) {
+    SCOPED_TRACE(name);
+    Fabric fabric = Fabric::with_defaults("rough", name);
+    for (const auto& [component, amplitude] :
+         {std::pair<std::string, double>{"weft_stretch", 8}, {"shear", 3}}) {
+      fabric.include(component + "_friction");
+      fabric.include(component + "_friction_scale");
+      fabric.set(component + "_friction", amplitude);
+      fabric.set(component + "_friction_scale", 1e-4);
+    }
+    Fabric stretch = fabric, shear = fabric;
+    for (const char* word : {"", "_scale"}) {
+      stretch.leave_out(std::string("shear_friction") + word);
+      shear.leave_out(std::string("weft_stretch_friction") + word);
+    }
+    const double force = name == "springs" ? 1 : 1.02;
+    EXPECT_NEAR(apart(stretch, MaterialTest::weft_stretch), 2 * 8 * force, 1e-6);
+    EXPECT_NEAR(apart(shear, MaterialTest::shear), 2 * 3, 2 * 3 * 4e-4);
+  }
+}
+
+TEST(FrictionModel, OfTheTableDoesNotChangeItsElasticPart) {
+  // At a history the difference to the table alone is that of the same friction beside "stvk".
+  const TriangleMesh mesh = make_swatch(3 * kSize, 2 * kSize, 4, 3);
+  const auto part_of_friction = [&](const std::string& name, const Points& x) {
+    Fabric smooth = rough(name);
+    for (const char* component : {"warp_stretch", "shear", "weft_bend"})
+      for (const char* word : {"_friction", "_friction_scale"})
+        smooth.leave_out(std::string(component) + word);
+    const auto with = make_elastic_model(mesh, rough(name)),
+               without = make_elastic_model(mesh, smooth);
+    start_from_a_frame(*with);
+    Points g, elastic;
+    with->gradient(x, g);
+    without->gradient(x, elastic);
+    return Points(g - elastic);
+  };
+  for (const Points& x : testing::states(mesh, kSize)) {
+    const Points of_table = part_of_friction("piecewise-linear", x);
+    const double size = of_table.cwiseAbs().maxCoeff();
+    EXPECT_GT(size, 1e-3);
+    // The elastic forces, which cancel, are up to 1e3 N here.
+    EXPECT_LT((of_table - part_of_friction("stvk", x)).cwiseAbs().maxCoeff(), 1e-9 * size + 1e-11);
+  }
 }
 
 TEST(FrictionModel, WithoutFrictionThereIsNoHistory) {

@@ -121,13 +121,35 @@ constexpr std::array<ParameterInfo, 12> kFriction = {{
      "Change of twist over which friction reverses.", kFrictionSource, "", kOptional},
 }};
 
+/// Of springs, whose bends are elongations.
+constexpr std::array<ParameterInfo, 12> spring_friction() {
+  auto out = kFriction;
+  for (std::size_t i = 6; i < out.size(); i += 2) {
+    out[i].unit = "N/m";
+    out[i].lower = 1e-6;
+    out[i].upper = 1e5;
+    out[i].default_value = 1e-3;
+    out[i].meaning =
+        "Internal friction: stress that resists a change of elongation between next neighbours "
+        "but one.";
+    out[i + 1].unit = "1";
+    out[i + 1].lower = 1e-9;
+    out[i + 1].upper = 1;
+    out[i + 1].default_value = 1e-4;
+    out[i + 1].meaning =
+        "Change of elongation between next neighbours but one over which friction reverses.";
+  }
+  return out;
+}
+
 /// A model's own rows, then those of friction.
 template <std::size_t kCount>
 constexpr std::array<ParameterInfo, kCount + kFriction.size()> with_friction(
-    const std::array<ParameterInfo, kCount>& own) {
+    const std::array<ParameterInfo, kCount>& own,
+    const std::array<ParameterInfo, kFriction.size()>& friction = kFriction) {
   std::array<ParameterInfo, kCount + kFriction.size()> all{};
   for (std::size_t i = 0; i < kCount; ++i) all[i] = own[i];
-  for (std::size_t i = 0; i < kFriction.size(); ++i) all[kCount + i] = kFriction[i];
+  for (std::size_t i = 0; i < friction.size(); ++i) all[kCount + i] = friction[i];
   return all;
 }
 
@@ -186,7 +208,7 @@ constexpr std::array<ParameterInfo, 8> kDiagonalOwn = {{
      "1/m"},
 }};
 
-constexpr std::array<ParameterInfo, 6> kSprings = {{
+constexpr std::array<ParameterInfo, 6> kSpringsOwn = {{
     {"weft_stretch", "N/m", 0.1, 1e6, 500, Scale::logarithmic,
      "Force per width by relative elongation of edges along the weft.", kSpringSource, "1"},
     {"warp_stretch", "N/m", 0.1, 1e6, 500, Scale::logarithmic,
@@ -216,7 +238,7 @@ constexpr ParameterInfo table_bend(std::string_view name, std::string_view meani
   return {name, "N m", 1e-9, 1, 1e-5, Scale::logarithmic, meaning, kTableSource};
 }
 
-constexpr std::array<ParameterInfo, 39> kPiecewiseLinear = {{
+constexpr std::array<ParameterInfo, 39> kPiecewiseLinearOwn = {{
     table_entry("rest_uu", "Weft stress by weft strain, at rest.", 500),
     table_entry("rest_uv", "Stress along one thread by strain along the other, at rest.", 50),
     table_entry("rest_vv", "Warp stress by warp strain, at rest.", 500),
@@ -267,6 +289,8 @@ constexpr std::array<ParameterInfo, 39> kPiecewiseLinear = {{
 
 constexpr auto kStvk = with_friction(kStvkOwn);
 constexpr auto kDiagonal = with_friction(kDiagonalOwn);
+constexpr auto kSprings = with_friction(kSpringsOwn, spring_friction());
+constexpr auto kPiecewiseLinear = with_friction(kPiecewiseLinearOwn);
 
 struct ModelTable {
   std::string_view model;

@@ -53,7 +53,7 @@ std::span<const ParameterInfo> baraff_witkin_parameters();
 /// - "soft-constraints", "stvk-diagonal", "springs": weft_stretch, warp_stretch, shear, weft_bend,
 ///   warp_bend, diagonal_bend, each a constant or a curve, and but for springs stretch_coupling and
 ///   shear_stiffening as optional terms;
-/// - these but for springs, and "stvk", may have internal friction in any of the components
+/// - these, "stvk" and "piecewise-linear" may have internal friction in any of the components
 ///   weft_stretch, warp_stretch, shear, weft_bend, warp_bend, diagonal_bend: NAME_friction and
 ///   NAME_friction_scale, both or none;
 /// - "piecewise-linear": six rows of a table of membrane stiffness (rest, weft, deg22, deg45,

@@ -14,6 +14,9 @@
 /// convex as long as |s_0| <= f. Loading and unloading curves are 2 f apart; a loop takes up to 2 f
 /// times its strain twice over. f = 0 is none. The second derivative of phi jumps at e = e_0.
 #include <cmath>
+#include <vector>
+
+#include "weft/fabric/fabric.h"
 
 namespace weft::detail {
 
@@ -21,6 +24,10 @@ struct Friction {
   double amplitude = 0;  ///< f, stress
   double scale = 1;      ///< c, strain, > 0
 };
+
+/// The components in which the fabric has friction, ascending: 0 to 5 for weft_stretch,
+/// warp_stretch, shear, weft_bend, warp_bend, diagonal_bend.
+std::vector<int> friction_components(const Fabric& fabric);
 
 struct FrictionResponse {
   double energy, stress, tangent;

@@ -162,18 +162,6 @@ Mat3 rim_compliance(const Mat3& stiffness, const Mat3& rim) {
   return Eigen::LDLT<Mat3>(h).solve(rim);
 }
 
-/// Whether the fabric has friction in a component of strain or curvature.
-bool has_friction(const Fabric& fabric, int component) {
-  constexpr std::array<const char*, 6> kNames = {"weft_stretch_friction", "warp_stretch_friction",
-                                                 "shear_friction",        "weft_bend_friction",
-                                                 "warp_bend_friction",    "diagonal_bend_friction"};
-  const auto infos = model_parameters(fabric.model);
-  const std::string_view name = kNames[static_cast<std::size_t>(component)];
-  return std::any_of(infos.begin(), infos.end(),
-                     [&](const ParameterInfo& info) { return info.name == name; }) &&
-         fabric.value_count(name) > 0;
-}
-
 /// Projects onto the span of `directions`.
 Mat3 span_projection(const std::vector<Vec3>& directions) {
   Mat3 projection = Mat3::Zero();
@@ -219,8 +207,7 @@ SheetModel::SheetModel(const TriangleMesh& mesh, const Fabric& fabric, double gr
         {bend.vertices, bend.map, bend.area, !bend.rim.empty(), span_projection(bend.rim)});
   }
   plate_groups_ = bending_groups(bends, pattern_);
-  for (int i = 0; i < kComponents; ++i)
-    if (has_friction(fabric, i)) rubbing_.push_back(i);
+  rubbing_ = friction_components(fabric);
   if (!rubbing_.empty())
     history_ = VecX::Zero(kHistory * static_cast<Eigen::Index>(element_count()));
   set_parameters(fabric.values);

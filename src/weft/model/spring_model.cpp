@@ -94,7 +94,7 @@ void add_second_ring(const TriangleMesh& mesh, const std::map<MeshEdge, Link>& l
         if (!opposite(component, to_a, to_b)) continue;
         const auto [a, b] = mesh_edge(around[i].first, around[j].first);
         springs.push_back({a, b, bend_of(component), (to_a - to_b).norm(),
-                           0.5 * (around[i].second.area + around[j].second.area), 0});
+                           0.5 * (around[i].second.area + around[j].second.area), 1, 0});
       }
   }
 }
@@ -105,12 +105,10 @@ std::vector<Spring> make_springs(const TriangleMesh& mesh) {
   for (const auto& [ends, link] : links) {
     const Vec2 along = mesh.material.col(ends.second) - mesh.material.col(ends.first);
     const double length = along.norm();
-    double area = link.area;
-    if (link.component == kShear) {
-      const double product = along.x() * along.y() / (length * length);
-      area /= product * product;
-    }
-    springs.push_back({ends.first, ends.second, link.component, length, area, 0});
+    double strain = 1;
+    if (link.component == kShear) strain = length * length / std::abs(along.x() * along.y());
+    springs.push_back(
+        {ends.first, ends.second, link.component, length, link.area * strain * strain, strain, 0});
   }
   add_second_ring(mesh, links, springs);
   return springs;
@@ -128,6 +126,15 @@ SpringModel::SpringModel(const TriangleMesh& mesh, const Fabric& fabric, double 
   for (const Spring& spring : springs_) pattern_.add_element(std::array{spring.a, spring.b});
   pattern_.finish();
   for (Spring& spring : springs_) spring.slot = pattern_.slot(spring.b, spring.a);
+  int column = 0;
+  for (const StiffnessCurve& curve : curves_) column += curve.size();
+  friction_column_.fill(-1);
+  for (const int i : friction_components(fabric)) {
+    friction_column_[at(i)] = column;
+    column += 2;
+    history_.setZero(2 * static_cast<Eigen::Index>(springs_.size()));
+  }
+  set_parameters(fabric.values);
 }
 
 void SpringModel::set_parameters(const VecX& values) {
@@ -140,25 +147,50 @@ void SpringModel::set_parameters(const VecX& values) {
     curve.set_values(values.segment(first, curve.size()));
     first += curve.size();
   }
+  for (std::size_t i = 0; i < friction_.size(); ++i)
+    if (const int column = friction_column_[i]; column >= 0)
+      friction_[i] = {values[column], values[column + 1]};
+}
+
+SpringModel::Reach SpringModel::reach(const Spring& spring, const Points& x) {
+  const Vec3 along = x.col(spring.b) - x.col(spring.a);
+  const double length = along.norm();
+  return {length, length / spring.length - 1,
+          length > 0 ? Vec3(along / length) : Vec3(Vec3::Zero())};
+}
+
+FrictionResponse SpringModel::rub(std::size_t i, double elongation) const {
+  const Spring& s = springs_[i];
+  const auto first = 2 * static_cast<Eigen::Index>(i);
+  return detail::respond(friction_[at(s.component)], s.strain * elongation, history_[first],
+                         history_[first + 1]);
+}
+
+StiffnessCurve::Response SpringModel::respond(std::size_t i, double elongation) const {
+  const Spring& s = springs_[i];
+  StiffnessCurve::Response r = curves_[at(s.component)].respond(elongation);
+  if (rubs(s)) {
+    const FrictionResponse f = rub(i, elongation);
+    r.energy += f.energy / (s.strain * s.strain);
+    r.stress += f.stress / s.strain;
+    r.tangent += f.tangent;
+  }
+  return r;
 }
 
 double SpringModel::energy(const Points& x) const {
   double sum = 0;
-  for (const Spring& s : springs_) {
-    const double c = (x.col(s.b) - x.col(s.a)).norm() / s.length - 1;
-    sum += s.area * curves_[at(s.component)].respond(c).energy;
-  }
+  for (std::size_t i = 0; i < springs_.size(); ++i)
+    sum += springs_[i].area * respond(i, reach(springs_[i], x).elongation).energy;
   return sum;
 }
 
 void SpringModel::gradient(const Points& x, Points& gradient) const {
   gradient.setZero(3, mesh_.vertex_count());
-  for (const Spring& s : springs_) {
-    const Vec3 along = x.col(s.b) - x.col(s.a);
-    const double length = along.norm();
-    if (!(length > 0)) continue;  // no direction
-    const auto r = curves_[at(s.component)].respond(length / s.length - 1);
-    const Vec3 pull = (s.area * r.stress / (s.length * length)) * along;
+  for (std::size_t i = 0; i < springs_.size(); ++i) {
+    const Spring& s = springs_[i];
+    const Reach r = reach(s, x);
+    const Vec3 pull = (s.area * respond(i, r.elongation).stress / s.length) * r.direction;
     gradient.col(s.a) -= pull;
     gradient.col(s.b) += pull;
   }
@@ -168,16 +200,17 @@ void SpringModel::hessian(const Points& x, HessianKind kind, Points& gradient,
                           SparseMatrix& hessian) const {
   assert(hessian.nonZeros() == pattern_.matrix().nonZeros());
   gradient.setZero(3, mesh_.vertex_count());
-  for (const Spring& s : springs_) {
-    const Vec3 along = x.col(s.b) - x.col(s.a);
-    const double length = along.norm();
-    if (!(length > 0)) continue;
-    const auto r = curves_[at(s.component)].respond(length / s.length - 1);
-    const Vec3 n = along / length;
+  for (std::size_t i = 0; i < springs_.size(); ++i) {
+    const Spring& s = springs_[i];
+    const Reach reached = reach(s, x);
+    if (!(reached.length > 0)) continue;  // no direction
+    const auto r = respond(i, reached.elongation);
+    const Vec3& n = reached.direction;
     const double tension = s.area * r.stress / s.length;
     gradient.col(s.a) -= tension * n;
     gradient.col(s.b) += tension * n;
-    double across = tension / length, stiffness = s.area * r.tangent / (s.length * s.length);
+    double across = tension / reached.length,
+           stiffness = s.area * r.tangent / (s.length * s.length);
     if (kind == HessianKind::positive_semidefinite) {
       across = std::max(across, 0.0);
       stiffness = std::max(stiffness, 0.0);
@@ -190,25 +223,87 @@ void SpringModel::hessian(const Points& x, HessianKind kind, Points& gradient,
   }
 }
 
+void SpringModel::add_stress(std::size_t i, const Vec3& direction, double stress,
+                             Eigen::Ref<VecX> column) const {
+  const Spring& s = springs_[i];
+  const Vec3 pull = (s.area * stress / s.length) * direction;
+  column.segment<3>(3 * s.a) -= pull;
+  column.segment<3>(3 * s.b) += pull;
+}
+
 void SpringModel::parameter_derivative(const Points& x, MatX& derivative) const {
   derivative.setZero(3 * mesh_.vertex_count(), fabric_.values.size());
   std::array<int, 7> first{};
   for (std::size_t i = 0; i < 6; ++i) first[i + 1] = first[i] + curves_[i].size();
   VecX basis(StiffnessCurve::kMostKnots);
-  for (const Spring& s : springs_) {
-    const Vec3 along = x.col(s.b) - x.col(s.a);
-    const double length = along.norm();
-    if (!(length > 0)) continue;
+  for (std::size_t i = 0; i < springs_.size(); ++i) {
+    const Spring& s = springs_[i];
     const StiffnessCurve& curve = curves_[at(s.component)];
-    const double c = length / s.length - 1;
-    curve.stiffness_by_values(c, basis.head(curve.size()));
-    const Vec3 pull = (s.area * c / (s.length * length)) * along;
-    for (int k = 0; k < curve.size(); ++k) {
-      const int column = first[at(s.component)] + k;
-      derivative.col(column).segment<3>(3 * s.a) -= basis[k] * pull;
-      derivative.col(column).segment<3>(3 * s.b) += basis[k] * pull;
-    }
+    const Reach r = reach(s, x);
+    curve.stiffness_by_values(r.elongation, basis.head(curve.size()));
+    for (int k = 0; k < curve.size(); ++k)
+      add_stress(i, r.direction, basis[k] * r.elongation,
+                 derivative.col(first[at(s.component)] + k));
+    if (!rubs(s)) continue;
+    const FrictionResponse f = rub(i, r.elongation);
+    const int column = friction_column_[at(s.component)];
+    add_stress(i, r.direction, f.by_amplitude / s.strain, derivative.col(column));
+    add_stress(i, r.direction, f.by_scale / s.strain, derivative.col(column + 1));
   }
+}
+
+void SpringModel::set_history(const VecX& history) {
+  ElasticModel::set_history(history);
+  history_ = history;
+}
+
+VecX SpringModel::next_history(const Points& x) const {
+  VecX next = history_;
+  for (std::size_t i = 0; i < springs_.size(); ++i) {
+    const Spring& s = springs_[i];
+    if (!rubs(s)) continue;
+    const double elongation = reach(s, x).elongation;
+    next.segment<2>(2 * static_cast<Eigen::Index>(i)) << s.strain * elongation,
+        rub(i, elongation).stress;
+  }
+  return next;
+}
+
+void SpringModel::add_history_derivative(const Points& x, const MatX& history_derivative,
+                                         MatX& derivative) const {
+  for (std::size_t i = 0; i < springs_.size(); ++i) {
+    const Spring& s = springs_[i];
+    if (!rubs(s)) continue;
+    const Reach r = reach(s, x);
+    const FrictionResponse f = rub(i, r.elongation);
+    const auto strain = 2 * static_cast<Eigen::Index>(i), stress = strain + 1;
+    for (Eigen::Index p = 0; p < derivative.cols(); ++p)
+      add_stress(i, r.direction,
+                 (f.by_former_stress * history_derivative(stress, p) -
+                  f.tangent * history_derivative(strain, p)) /
+                     s.strain,
+                 derivative.col(p));
+  }
+}
+
+MatX SpringModel::next_history_derivative(const Points& x, const MatX& x_derivative,
+                                          const MatX& history_derivative) const {
+  MatX next = MatX::Zero(history_.size(), x_derivative.cols());
+  for (std::size_t i = 0; i < springs_.size(); ++i) {
+    const Spring& s = springs_[i];
+    if (!rubs(s)) continue;
+    const Reach r = reach(s, x);
+    const FrictionResponse f = rub(i, r.elongation);
+    const auto strain = 2 * static_cast<Eigen::Index>(i), stress = strain + 1;
+    next.row(strain) = (s.strain / s.length) * r.direction.transpose() *
+                       (x_derivative.middleRows<3>(3 * s.b) - x_derivative.middleRows<3>(3 * s.a));
+    next.row(stress) = f.tangent * (next.row(strain) - history_derivative.row(strain)) +
+                       f.by_former_stress * history_derivative.row(stress);
+    const int column = friction_column_[at(s.component)];
+    next(stress, column) += f.by_amplitude;
+    next(stress, column + 1) += f.by_scale;
+  }
+  return next;
 }
 
 }  // namespace weft::detail
