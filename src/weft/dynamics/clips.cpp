@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "weft/base/error.h"
+#include "weft/dynamics/clip_poses.h"
 #include "weft/dynamics/equilibrium_derivatives.h"
 
 namespace weft {
@@ -15,53 +16,6 @@ constexpr double kOnBorder = 1e-7;       // m
 constexpr double kLeastDistance = 1e-6;  // m, of a point from a clip, for its weight
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
-std::vector<char> flags_of_held(const std::vector<int>& clip_of) {
-  std::vector<char> held;
-  for (const int clip : clip_of) held.push_back(clip >= 0 ? 1 : 0);
-  return held;
-}
-
-void sum_reactions(const Points& gradient, const std::vector<int>& clip_of,
-                   const std::vector<Clip>& clips, ClipEquilibrium& result) {
-  const auto count = static_cast<Eigen::Index>(clips.size());
-  result.forces = Points::Zero(3, count);
-  result.torques = Points::Zero(3, count);
-  for (Eigen::Index i = 0; i < gradient.cols(); ++i) {
-    const int clip = clip_of[at(i)];
-    if (clip < 0) continue;
-    const Vec3 force = gradient.col(i);
-    const Vec3 arm = result.x.col(i) - clips[at(clip)].position;
-    result.forces.col(clip) += force;
-    result.torques.col(clip) += arm.cross(force);
-  }
-}
-
-/// The sum over each clip's vertices: 3 clips x columns, of 3 vertices x columns.
-MatX sum_over_clips(const MatX& of_vertices, const std::vector<int>& clip_of, std::size_t clips) {
-  MatX sums = MatX::Zero(3 * static_cast<Eigen::Index>(clips), of_vertices.cols());
-  for (std::size_t i = 0; i < clip_of.size(); ++i)
-    if (clip_of[i] >= 0)
-      sums.middleRows(3 * clip_of[i], 3) +=
-          of_vertices.middleRows(3 * static_cast<Eigen::Index>(i), 3);
-  return sums;
-}
-
-/// Moves of the vertices by the poses of the clips that hold them: 3 vertices x 6 clips.
-MatX moves_by_poses(const Points& x, const std::vector<int>& clip_of,
-                    const std::vector<Clip>& clips) {
-  MatX moves = MatX::Zero(x.size(), 6 * static_cast<Eigen::Index>(clips.size()));
-  for (Eigen::Index i = 0; i < x.cols(); ++i) {
-    const int clip = clip_of[at(i)];
-    if (clip < 0) continue;
-    const Vec3 arm = x.col(i) - clips[at(clip)].position;
-    for (Eigen::Index k = 0; k < 3; ++k) {
-      moves.block<3, 1>(3 * i, 6 * clip + k) = Vec3::Unit(k);
-      moves.block<3, 1>(3 * i, 6 * clip + 3 + k) = Vec3::Unit(k).cross(arm);
-    }
-  }
-  return moves;
-}
 
 }  // namespace
 
@@ -139,15 +93,12 @@ ClippedCloth::ClippedCloth(const HeavyCloth& cloth, std::vector<Clip> clips)
     : cloth_(cloth),
       clips_(std::move(clips)),
       clip_of_(clip_of_vertices(cloth.mesh(), clips_)),
-      system_(std::make_unique<StaticSystem>(cloth, flags_of_held(clip_of_))) {}
+      system_(std::make_unique<StaticSystem>(cloth, detail::flags_of_held(clip_of_))) {}
 
 ClippedCloth::~ClippedCloth() = default;
 
 ClipEquilibrium ClippedCloth::solve(Points start, const StaticOptions& options) {
-  for (Eigen::Index i = 0; i < start.cols(); ++i) {
-    const int clip = clip_of_[at(i)];
-    if (clip >= 0) start.col(i) = clips_[at(clip)].place(cloth_.mesh().material.col(i));
-  }
+  detail::place_held(clips_, clip_of_, cloth_.mesh(), start);
   StaticResult found = system_->solve(std::move(start), options);
   ClipEquilibrium result;
   result.x = std::move(found.x);
@@ -156,7 +107,7 @@ ClipEquilibrium ClippedCloth::solve(Points start, const StaticOptions& options) 
   result.converged = found.converged;
   Points gradient;
   cloth_.gradient(result.x, gradient);
-  sum_reactions(gradient, clip_of_, clips_, result);
+  detail::sum_reactions(gradient, clip_of_, clips_, result);
   return result;
 }
 
@@ -166,13 +117,14 @@ ClipSensitivities ClippedCloth::sensitivities(const Points& x, const MatX& histo
   ClipSensitivities result;
   result.x = std::move(found.x);
   result.inexact = found.inexact;
-  result.forces = sum_over_clips(found.gradient, clip_of_, clips_.size());
+  result.forces = detail::sum_over_clips(found.gradient, clip_of_, clips_.size());
   return result;
 }
 
 MatX ClippedCloth::pose_sensitivities(const Points& x) {
-  const MatX forces = detail::held_stiffness(*system_, x, moves_by_poses(x, clip_of_, clips_));
-  return sum_over_clips(forces, clip_of_, clips_.size());
+  const MatX forces =
+      detail::held_stiffness(*system_, x, detail::moves_by_poses(x, clip_of_, clips_));
+  return detail::sum_over_clips(forces, clip_of_, clips_.size());
 }
 
 ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& clips, Points start,

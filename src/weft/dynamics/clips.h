@@ -57,6 +57,7 @@ class HeavyCloth : public StaticPotential {
   const VecX& masses() const override { return masses_; }
   const TriangleMesh& mesh() const override { return model_.mesh(); }
   const ElasticModel& model() const { return model_; }
+  const Vec3& gravity() const { return gravity_; }  ///< m/s^2
 
  private:
   const ElasticModel& model_;

@@ -39,17 +39,22 @@ EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth, StaticSy
   return result;
 }
 
-MatX held_stiffness(StaticSystem& system, const Points& x, const MatX& moves) {
+HeldResponse held_response(StaticSystem& system, const Points& x, const MatX& moves) {
   const StaticSystem::Factor factor = system.factor_at(x);
-  MatX shift = -(factor.hessian.selfadjointView<Eigen::Lower>() * moves);
-  solve_columns(factor.cholesky, shift);
-  shift += moves;
-  MatX forces = factor.hessian.selfadjointView<Eigen::Lower>() * shift;
+  HeldResponse response;
+  response.x = -(factor.hessian.selfadjointView<Eigen::Lower>() * moves);
+  solve_columns(factor.cholesky, response.x);
+  response.x += moves;
+  response.forces = factor.hessian.selfadjointView<Eigen::Lower>() * response.x;
   for (Eigen::Index i = 0; i < x.cols(); ++i)
-    forces.middleRows(3 * i, 3) -=
+    response.forces.middleRows(3 * i, 3) -=
         factor.regularization * factor.masses[i] * moves.middleRows(3 * i, 3);
-  zero_free_rows(system.held(), forces);
-  return forces;
+  zero_free_rows(system.held(), response.forces);
+  return response;
+}
+
+MatX held_stiffness(StaticSystem& system, const Points& x, const MatX& moves) {
+  return held_response(system, x, moves).forces;
 }
 
 }  // namespace weft::detail
