@@ -87,6 +87,65 @@ TEST_F(ReadMechanical, MeasuredPointsInAClipAreWhereItHasThem) {
   }
 }
 
+/// A strip whose right clip hangs in two cords.
+class ReadLoaded : public ReadMechanical {
+ protected:
+  void SetUp() override {
+    ReadMechanical::SetUp();
+    const std::string forces = "force_columns = [\"right_fx\", \"right_fy\", \"right_fz\"]";
+    replace("capture.toml", forces,
+            "mass = 0.02\n[[fixture.cord]]\nat = [0, 0.01, 0]\n" + forces +
+                "\n[[fixture.cord]]\nat = [0, -0.01, 0]\npulley = [0.5, 0, 0]\n"
+                "tension = \"right_fx\"");
+  }
+};
+
+TEST_F(ReadLoaded, ClipsWithCordsAreNotHeld) {
+  const MechanicalCapture capture = read_mechanical_capture(folder_);
+  EXPECT_TRUE(capture.has_loaded());
+  EXPECT_FALSE(capture.fixtures[0].loaded());
+  ASSERT_FALSE(capture.loads(11)[0]);
+  const std::optional<ClipLoad> load = capture.loads(11)[1];
+  ASSERT_TRUE(load);
+  EXPECT_EQ(load->mass, 0.02);
+  ASSERT_EQ(load->cords.size(), 2u);
+  EXPECT_EQ(load->cords[0].at, Vec3(0, 0.01, 0));
+  EXPECT_GT(load->cords[0].force.x(), 0.18);
+  EXPECT_FALSE(load->cords[0].pulley);
+  EXPECT_EQ(load->cords[1].pulley, Vec3(0.5, 0, 0));
+  EXPECT_EQ(load->cords[1].tension, load->cords[0].force.x());
+  EXPECT_EQ(capture.fixtures[1].forces.cols(), 0);
+  // Without a stated noise of the clips, that of points; turns over half of the longer side.
+  const Clip& clip = capture.fixtures[1].frames[0];
+  EXPECT_NEAR(capture.pose_deviations(clip, 1e-4)[1], 1e-4 / 0.0125, 1e-15);
+}
+
+TEST_F(ReadLoaded, RefusesLoadsThatCannotBe) {
+  const auto with = [&](const std::string& before, const std::string& after) {
+    return refusal_with("capture.toml", before, after);
+  };
+  EXPECT_THAT(with("mass = 0.02", "mass = -1"), HasSubstr("fixture[1].mass: -1 is out of range"));
+  EXPECT_THAT(with("mass = 0.02", "force_columns = [\"right_fx\", \"right_fy\", \"right_fz\"]"),
+              HasSubstr("fixture[1].force_columns: not valid for a clip with cords or a mass"));
+  EXPECT_THAT(with("mass = 0.02",
+                   "region_columns = [\"right_fx\", \"right_fy\", \"right_fz\", \"right_px\"]"),
+              HasSubstr("holds one region"));
+  EXPECT_THAT(with("tension = \"right_fx\"", ""), HasSubstr("tension"));
+  EXPECT_THAT(with("tension = \"right_fx\"", "tension = \"right_f\""),
+              HasSubstr("clips.csv has no column \"right_f\""));
+  EXPECT_THAT(with("tension = \"right_fx\"", "tension = \"left_fx\""),
+              HasSubstr("must be 0 or more: a cord only pulls"));
+  EXPECT_THAT(with("pulley = [0.5, 0, 0]\ntension = \"right_fx\"", ""),
+              HasSubstr("either pulley, with tension, or force_columns is needed"));
+  // Where the cord is tied at frame 0: the clip's centre, and 0.01 m along v.
+  EXPECT_THAT(with("pulley = [0.5, 0, 0]", "pulley = [0.1475, 0.0025, 0]"),
+              HasSubstr("m from where the cord is tied at frame 0, must be above 0.001 m"));
+  EXPECT_THAT(with("at = [0, 0.01, 0]", "at = [0, 11, 0]"), HasSubstr("fixture[1].cord[0].at"));
+  const std::string left = "force_columns = [\"left_fx\", \"left_fy\", \"left_fz\"]";
+  EXPECT_THAT(with(left, "mass = 1"), HasSubstr("at least one must be held"));
+  EXPECT_THAT(with(left, "mass = 0"), HasSubstr("fixture[0].mass: 0, must be above 0"));
+}
+
 TEST_F(ReadMechanical, NamesFileLineAndKey) {
   EXPECT_THAT(refusal_with("capture.toml", "width = 0.15", "width = 0"),
               StartsWith("capture.toml:8: swatch.width: 0 is out of range"));

@@ -86,6 +86,30 @@ TEST(WriteMechanicalCapture, IsReadBackAsItWas) {
   EXPECT_TRUE(std::filesystem::exists(*read.truth));
 }
 
+TEST(WriteMechanicalCapture, CordsAreReadBackAsTheyWere) {
+  const test::TemporaryFolder folder;
+  MechanicalCapture capture = example();
+  MechanicalFixture& bar = capture.fixtures[1];
+  bar.forces.resize(3, 0);
+  bar.mass = 0.01 / 3;
+  bar.cords.resize(2);
+  bar.cords[0].at = Vec3(0.001, 0.02, -0.003) / 3;
+  bar.cords[0].forces = Points::Random(3, 3);
+  bar.cords[1].pulley = Vec3(0.5, 0.1, 1.0 / 3);
+  bar.cords[1].tensions = VecX::Random(3).cwiseAbs();
+  write_mechanical_capture(folder.path() / "made", capture);
+  const MechanicalCapture read = read_mechanical_capture(folder.path() / "made");
+  const MechanicalFixture& again = read.fixtures[1];
+  EXPECT_FALSE(read.fixtures[0].loaded());
+  EXPECT_EQ(again.mass, bar.mass);
+  ASSERT_EQ(again.cords.size(), 2u);
+  EXPECT_EQ(again.cords[0].at, bar.cords[0].at);
+  EXPECT_EQ(again.cords[0].forces, bar.cords[0].forces);
+  EXPECT_FALSE(again.cords[0].pulley);
+  EXPECT_EQ(again.cords[1].pulley, bar.cords[1].pulley);
+  EXPECT_EQ(again.cords[1].tensions, bar.cords[1].tensions);
+}
+
 TEST(WriteMechanicalCapture, RefusesWhatCannotBeReadBack) {
   const test::TemporaryFolder folder;
   MechanicalCapture capture = example();
@@ -98,6 +122,12 @@ TEST(WriteMechanicalCapture, RefusesWhatCannotBeReadBack) {
   MechanicalFiles files;
   files.geometry.emplace();
   EXPECT_THROW(write_mechanical_capture(folder.path(), capture, files), Error);
+  capture = example();
+  capture.fixtures[1].mass = 1;  // and measured forces
+  EXPECT_THROW(write_mechanical_capture(folder.path(), capture), Error);
+  capture.fixtures[1].forces.resize(3, 0);
+  capture.fixtures[1].cords.resize(1);  // without a force at any frame
+  EXPECT_THROW(write_mechanical_capture(folder.path(), capture), Error);
   capture = example();
   capture.picture_frame = PictureFrame{0.1, VecX::Zero(capture.frame_count)};
   EXPECT_THROW(write_mechanical_capture(folder.path(), capture), Error);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -16,9 +17,13 @@
 namespace weft {
 namespace {
 
-constexpr double kOnSwatch = 1e-6;    // m
-constexpr double kSamePoint = 1e-9;   // m
-constexpr double kUnitLength = 1e-3;  // of a quaternion
+constexpr double kOnSwatch = 1e-6;     // m
+constexpr double kSamePoint = 1e-9;    // m
+constexpr double kUnitLength = 1e-3;   // of a quaternion
+constexpr double kLeastCord = 1e-3;    // m, from a clip to the pulley
+constexpr Range kCordPlace{-10, 10};   // m, on a clip
+constexpr Range kPulley{-1000, 1000};  // m
+constexpr Range kClipMass{0, 1000};    // kg
 /// Of a strip's length, by which its tip and the clamp's angle may be off.
 constexpr double kStraight = 0.02;
 
@@ -157,6 +162,7 @@ class MechanicalReader {
       throw error_at({file_.file(), 0, "fixture"}, "missing; at least one [[fixture]] is needed");
     }
     for (const TomlTable& table : fixtures) read_fixture(table);
+    check_one_is_held();
     read_geometry_files();
     if (const auto truth = file_.optional_table("truth")) {
       capture_.truth = folder_ / truth->string("parameters");
@@ -180,6 +186,9 @@ class MechanicalReader {
     }
     table.choice("kind", {"bar"});
     const MatX region = table.matrix("region", 2, 2);
+    fixture.mass = table.optional_number("mass", kClipMass).value_or(0);
+    const std::vector<TomlTable> cords = table.tables("cord");
+    refuse_of_loaded(table, cords, fixture.mass);
     const TableFile& motion = table_file(table, "motion");
     const MatX poses = columns(table, "columns", 7, motion);
     MatX regions;
@@ -210,9 +219,77 @@ class MechanicalReader {
       clip.rotation = rotation.normalized();
       fixture.frames.push_back(clip);
     }
+    for (const TomlTable& cord : cords) read_cord(cord, motion, fixture);
     table.finish();
     sources_.push_back({table.where("region"), table.where("motion")});
     capture_.fixtures.push_back(std::move(fixture));
+  }
+
+  // Loaded clips.
+
+  static void refuse_of_loaded(const TomlTable& table, const std::vector<TomlTable>& cords,
+                               double mass) {
+    if (table.has("mass") && cords.empty() && !(mass > 0))
+      throw error_at(table.where("mass"),
+                     "0, must be above 0 for a clip without a [[fixture.cord]]; a clip that is "
+                     "held has no mass");
+    if (cords.empty() && !(mass > 0)) return;
+    if (table.has("force_columns"))
+      throw error_at(table.where("force_columns"),
+                     "not valid for a clip with cords or a mass: what pulls it is known");
+    if (table.has("region_columns"))
+      throw error_at(table.where("region_columns"),
+                     "not valid for a clip with cords or a mass, which holds one region");
+  }
+
+  void read_cord(const TomlTable& table, const TableFile& motion,
+                 MechanicalFixture& fixture) const {
+    FixtureCord cord;
+    const std::vector<double> place = table.numbers("at", 3, kCordPlace);
+    cord.at = Vec3(place[0], place[1], place[2]);
+    if (table.has("pulley") == table.has("force_columns"))
+      throw error_at(table.where(), "either pulley, with tension, or force_columns is needed");
+    if (table.has("pulley")) {
+      const std::vector<double> pulley = table.numbers("pulley", 3, kPulley);
+      cord.pulley = Vec3(pulley[0], pulley[1], pulley[2]);
+      cord.tensions = tension_column(table, motion);
+      check_pulley(table, fixture, cord);
+    } else {
+      cord.forces = columns(table, "force_columns", 3, motion).transpose();
+    }
+    table.finish();
+    fixture.cords.push_back(std::move(cord));
+  }
+
+  VecX tension_column(const TomlTable& table, const TableFile& motion) const {
+    const std::string name = table.string("tension");
+    if (!motion.has(name)) throw error_at(table.where("tension"), motion.missing(name));
+    VecX tensions = motion.numbers(name);
+    for (Eigen::Index i = 0; i < tensions.size(); ++i)
+      if (!(tensions[i] >= 0))
+        throw motion.fail(static_cast<std::size_t>(i), name,
+                          fmt::format("{:g} N, must be 0 or more: a cord only pulls", tensions[i]));
+    return tensions;
+  }
+
+  static void check_pulley(const TomlTable& table, const MechanicalFixture& fixture,
+                           const FixtureCord& cord) {
+    for (std::size_t frame = 0; frame < fixture.frames.size(); ++frame) {
+      const Clip& clip = fixture.frames[frame];
+      const double length = (clip.position + clip.rotation * cord.at - *cord.pulley).norm();
+      if (!(length > kLeastCord))
+        throw error_at(table.where("pulley"),
+                       fmt::format("{:g} m from where the cord is tied at frame {}, must be above "
+                                   "{:g} m",
+                                   length, frame, kLeastCord));
+    }
+  }
+
+  void check_one_is_held() const {
+    for (const MechanicalFixture& fixture : capture_.fixtures)
+      if (!fixture.loaded()) return;
+    throw error_at({file_.file(), 0, "fixture"},
+                   "all have cords or a mass; at least one must be held, without either");
   }
 
   const TableFile& table_file(const TomlTable& table, std::string_view key) {
@@ -462,6 +539,37 @@ std::vector<Clip> MechanicalCapture::clips(int frame) const {
   for (const MechanicalFixture& fixture : fixtures)
     result.push_back(fixture.frames[static_cast<std::size_t>(frame)]);
   return result;
+}
+
+std::optional<ClipLoad> MechanicalFixture::load(int frame) const {
+  if (!loaded()) return std::nullopt;
+  ClipLoad load;
+  load.mass = mass;
+  for (const FixtureCord& cord : cords) {
+    Cord& pull = load.cords.emplace_back();
+    pull.at = cord.at;
+    pull.pulley = cord.pulley;
+    if (cord.pulley)
+      pull.tension = cord.tensions[frame];
+    else
+      pull.force = cord.forces.col(frame);
+  }
+  return load;
+}
+
+std::vector<std::optional<ClipLoad>> MechanicalCapture::loads(int frame) const {
+  std::vector<std::optional<ClipLoad>> result;
+  for (const MechanicalFixture& fixture : fixtures) result.push_back(fixture.load(frame));
+  return result;
+}
+
+bool MechanicalCapture::has_loaded() const {
+  return std::ranges::any_of(fixtures, &MechanicalFixture::loaded);
+}
+
+Vec2 MechanicalCapture::pose_deviations(const Clip& clip, double otherwise) const {
+  const double deviation = clip_noise > 0 ? clip_noise : otherwise;
+  return {deviation, deviation / half_length(clip)};
 }
 
 MechanicalCapture read_mechanical_capture(const std::filesystem::path& folder) {

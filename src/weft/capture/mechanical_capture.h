@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "weft/capture/picture_frame.h"
-#include "weft/dynamics/clips.h"
+#include "weft/dynamics/loaded_clips.h"
 
 namespace weft {
 
@@ -15,13 +15,29 @@ enum class CaptureKind { video, mechanical, scan };
 /// without capture.toml, another format and another kind.
 CaptureKind capture_kind(const std::filesystem::path& folder);
 
+/// A cord that pulls a clip with known forces.
+struct FixtureCord {
+  Vec3 at{0, 0, 0};            ///< m, in the clip's frame, from the region's centre
+  std::optional<Vec3> pulley;  ///< m, where it runs to; none: `forces` have constant directions
+  VecX tensions;               ///< N, one a frame, >= 0; of a cord to a pulley
+  Points forces;               ///< N, 3 x frames; of one without
+};
+
 /// A clip of the experiment over all frames.
 struct MechanicalFixture {
   std::string name;
-  std::vector<Clip> frames;  ///< where it is and what it holds, one a frame
+  /// Where it is and what it holds, one a frame. Of a loaded clip where it was measured to be.
+  std::vector<Clip> frames;
   /// Measured force of the clip on the cloth, N: 3 x frames, NaN for a component that was not
   /// measured; no columns where none was.
   Points forces;
+  std::vector<FixtureCord> cords;  ///< of a loaded clip, whose `forces` have no columns
+  double mass = 0;                 ///< of a loaded clip itself, kg
+
+  /// Not held: it is where its cords, its weight and the cloth are in balance.
+  bool loaded() const { return !cords.empty() || mass > 0; }
+  /// None for a clip that is held.
+  std::optional<ClipLoad> load(int frame) const;
 };
 
 /// How the clips are moved.
@@ -65,14 +81,22 @@ struct MechanicalCapture {
 
   /// All clips at one frame, in the order of the fixtures.
   std::vector<Clip> clips(int frame) const;
+  /// Of all fixtures at one frame, in their order; none for those that are held.
+  std::vector<std::optional<ClipLoad>> loads(int frame) const;
+  bool has_loaded() const;
+  /// m and rad: standard deviations of what is measured of a loaded clip's pose, a component of its
+  /// position and of its rotation: clip_noise, or `otherwise` (m) where none is stated, and the
+  /// same over half of the clip's longer side.
+  Vec2 pose_deviations(const Clip& clip, double otherwise) const;
 };
 
 /// Reads and checks capture.toml and the tables that it names: every key known, ranges, shapes;
 /// regions on the swatch that do not overlap, poses that are rotations, clips no further apart than
-/// three times their distance on the undeformed swatch, no column that changes named twice. Also
-/// reads the short form for standard tests (`test`, docs/formats.md), with a cantilever's profile,
-/// whose tip must be beyond the clamp and below its line. Throws Error. Does not open the shape of
-/// the general form.
+/// three times their distance on the undeformed swatch, no column that changes named twice; of
+/// loaded clips no forces and one region, tensions of 0 or more, pulleys away from the clip, and
+/// one clip that is held. Also reads the short form for standard tests (`test`, docs/formats.md),
+/// with a cantilever's profile, whose tip must be beyond the clamp and below its line. Throws
+/// Error. Does not open the shape of the general form.
 MechanicalCapture read_mechanical_capture(const std::filesystem::path& folder);
 
 /// Measured shapes: points of known (u, v), triangulated, frame by frame.

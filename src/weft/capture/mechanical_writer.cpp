@@ -17,6 +17,7 @@ namespace {
 constexpr std::string_view kClipsFile = "clips.csv";
 constexpr std::array<std::string_view, 7> kPose{"px", "py", "pz", "qw", "qx", "qy", "qz"};
 constexpr std::array<std::string_view, 3> kForce{"fx", "fy", "fz"};
+constexpr std::string_view kTension = "tension";
 constexpr std::array<std::string_view, 4> kRegion{"u0", "v0", "u1", "v1"};
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
@@ -43,6 +44,26 @@ std::string quoted(const std::vector<std::string>& names) {
   return fmt::format("[\"{}\"]", fmt::join(names, "\", \""));
 }
 
+/// Of what is measured of cord `k` of fixture `i`.
+std::vector<std::string> cord_names(std::size_t i, std::size_t k, const FixtureCord& cord) {
+  std::vector<std::string> result;
+  if (cord.pulley) return {fmt::format("clip{}_cord{}_{}", i, k, kTension)};
+  for (const std::string_view name : kForce)
+    result.push_back(fmt::format("clip{}_cord{}_{}", i, k, name));
+  return result;
+}
+
+std::string vector_text(const Vec3& v) { return fmt::format("[{}, {}, {}]", v.x(), v.y(), v.z()); }
+
+std::string cord_text(const FixtureCord& cord, std::size_t i, std::size_t k) {
+  std::string text = "\n[[fixture.cord]]\nat = " + vector_text(cord.at) + "  # m\n";
+  const std::vector<std::string> columns = cord_names(i, k, cord);
+  if (cord.pulley)
+    return text + fmt::format("pulley = {}  # m\ntension = \"{}\"\n", vector_text(*cord.pulley),
+                              columns.front());
+  return text + "force_columns = " + quoted(columns) + "\n";
+}
+
 std::string fixture_text(const MechanicalFixture& fixture, std::size_t i) {
   std::string text = "\n[[fixture]]\nname = " + toml_string(fixture.name) + "\nkind = \"bar\"\n";
   text += "region = " + rectangle(fixture.frames.front().region) + "  # m\n";
@@ -50,6 +71,8 @@ std::string fixture_text(const MechanicalFixture& fixture, std::size_t i) {
   text += "columns = " + quoted(names(i, kPose)) + "\n";
   if (fixture.forces.cols() > 0) text += "force_columns = " + quoted(names(i, kForce)) + "\n";
   if (region_changes(fixture)) text += "region_columns = " + quoted(names(i, kRegion)) + "\n";
+  if (fixture.mass > 0) text += fmt::format("mass = {}  # kg\n", fixture.mass);
+  for (std::size_t k = 0; k < fixture.cords.size(); ++k) text += cord_text(fixture.cords[k], i, k);
   return text;
 }
 
@@ -68,6 +91,12 @@ std::string head_text(const MechanicalCapture& capture) {
   return text + fmt::format("\n[frames]\ncount = {}\n", capture.frame_count);
 }
 
+std::string cord_values(const FixtureCord& cord, int frame) {
+  if (cord.pulley) return fmt::format(",{}", cord.tensions[frame]);
+  const Vec3 f = cord.forces.col(frame);
+  return fmt::format(",{},{},{}", f.x(), f.y(), f.z());
+}
+
 std::string table_text(const MechanicalCapture& capture) {
   std::vector<std::string> header{"frame"};
   const auto add = [&](const std::vector<std::string>& more) {
@@ -77,6 +106,8 @@ std::string table_text(const MechanicalCapture& capture) {
     add(names(i, kPose));
     if (capture.fixtures[i].forces.cols() > 0) add(names(i, kForce));
     if (region_changes(capture.fixtures[i])) add(names(i, kRegion));
+    for (std::size_t k = 0; k < capture.fixtures[i].cords.size(); ++k)
+      add(cord_names(i, k, capture.fixtures[i].cords[k]));
   }
   std::string text = fmt::format("{}\n", fmt::join(header, ","));
   for (int frame = 0; frame < capture.frame_count; ++frame) {
@@ -94,6 +125,7 @@ std::string table_text(const MechanicalCapture& capture) {
         const MaterialRectangle& r = clip.region;
         text += fmt::format(",{},{},{},{}", r.lower.x(), r.lower.y(), r.upper.x(), r.upper.y());
       }
+      for (const FixtureCord& cord : fixture.cords) text += cord_values(cord, frame);
     }
     text += "\n";
   }
@@ -121,6 +153,15 @@ void check(const std::filesystem::path& folder, const MechanicalCapture& capture
                          fixture.forces.cols(), capture.frame_count));
     if (!fixture.forces.allFinite())
       refuse(fmt::format("fixture \"{}\": a force component is not finite", fixture.name));
+    if (fixture.loaded() && (fixture.forces.cols() > 0 || region_changes(fixture)))
+      refuse(
+          fmt::format("fixture \"{}\" has cords or a mass and cannot have measured forces or "
+                      "several regions",
+                      fixture.name));
+    for (const FixtureCord& cord : fixture.cords)
+      if ((cord.pulley ? cord.tensions.size() : cord.forces.cols()) != capture.frame_count)
+        refuse(fmt::format("fixture \"{}\" has a cord without a force at each of {} frames",
+                           fixture.name, capture.frame_count));
   }
   if (files.geometry && files.geometry->frames.size() != at(capture.frame_count))
     refuse(
