@@ -145,6 +145,21 @@ void add_trial(ContentHash& hash, const Trial& trial) {
   }
 }
 
+namespace {
+
+void add_load(ContentHash& hash, const MechanicalFixture& fixture) {
+  hash.add(fixture.mass);
+  for (const FixtureCord& cord : fixture.cords) {
+    hash.add(cord.at);
+    hash.add(cord.pulley.has_value());
+    if (cord.pulley) hash.add(*cord.pulley);
+    hash.add(cord.tensions);
+    hash.add(cord.forces);
+  }
+}
+
+}  // namespace
+
 void add_trial(ContentHash& hash, const MechanicalTrial& trial) {
   hash.add(kMechanicalVersion);
   const MechanicalCapture& capture = trial.capture;
@@ -167,6 +182,7 @@ void add_trial(ContentHash& hash, const MechanicalTrial& trial) {
       hash.add(clip.rotation.coeffs());
     }
     hash.add(fixture.forces);
+    if (fixture.loaded()) add_load(hash, fixture);
   }
   hash.add(trial.options.statics.force_tolerance);
   hash.add(trial.options.statics.max_iterations);

@@ -129,11 +129,19 @@ Points ways_of_clip(const std::vector<Clip>& frames, double least_way) {
 }
 
 std::vector<Points> ways_of_clips(const MechanicalCapture& capture, double least_way) {
-  std::vector<const Frames*> clips;
-  for (const MechanicalFixture& fixture : capture.fixtures) clips.push_back(&fixture.frames);
-  if (capture.clip_noise > 0) return ways_together(clips, least_way, capture.clip_noise);
   std::vector<Points> ways;
-  for (const Frames* clip : clips) ways.push_back(ways_of_clip(*clip, least_way));
+  std::vector<const Frames*> held;
+  for (const MechanicalFixture& fixture : capture.fixtures) {
+    ways.push_back(Points::Zero(3, capture.frame_count));
+    if (!fixture.loaded()) held.push_back(&fixture.frames);
+  }
+  std::vector<Points> found;
+  if (capture.clip_noise > 0)
+    found = ways_together(held, least_way, capture.clip_noise);
+  else
+    for (const Frames* clip : held) found.push_back(ways_of_clip(*clip, least_way));
+  for (std::size_t c = 0, k = 0; c < ways.size(); ++c)
+    if (!capture.fixtures[c].loaded()) ways[c] = std::move(found[k++]);
   return ways;
 }
 

@@ -28,7 +28,7 @@ Points ways_of_clip(const std::vector<Clip>& frames, double least_way = least_cl
 /// at the frame from which all together are farthest. A piece in which the ways of all are noise is
 /// a standstill; one in which they are not, but none is longer than twice `least_way`, has no ways,
 /// nor that out of it at its end. Of a way the components in the clip's axes that are no longer
-/// than `least_way` are left out.
+/// than `least_way` are left out. Loaded clips have no ways: what pulls them is known.
 ///
 /// For forces that are weighed with the noise of poses (force_weights.h) are known to the noise of
 /// the gauges in some directions, such as their sum over the clips and across the motion: a

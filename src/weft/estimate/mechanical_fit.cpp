@@ -11,6 +11,7 @@
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/packed_numbers.h"
+#include "weft/estimate/pose_residuals.h"
 #include "weft/estimate/replays.h"
 #include "weft/estimate/residual_intervals.h"
 
@@ -77,7 +78,7 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
   if (indices_.empty()) throw Error("no parameters to search");
   add_ties();
   for (const auto& trial : trials_) {
-    std::size_t count = 0;
+    std::size_t count = pose_residual_count(trial->capture);
     if (uses_forces(*trial)) count += force_count(*trial);
     if (uses_points(*trial))
       for (const int stage : trial->stage_of_frame)
@@ -256,7 +257,7 @@ void MechanicalProblem::add_force_residuals(std::size_t trial, const MechanicalF
 }
 
 bool MechanicalProblem::has_clip_noise(const MechanicalTrial& trial) const {
-  return trial.capture.clip_noise > 0 && uses_forces(trial);
+  return trial.capture.clip_noise > 0 && (uses_forces(trial) || trial.capture.has_loaded());
 }
 
 bool MechanicalProblem::has_clip_noise() const {
@@ -269,10 +270,32 @@ MatX MechanicalProblem::compared_directions(const MechanicalTrial& trial, int fr
   const auto columns = 3 * static_cast<Eigen::Index>(trial.capture.fixtures.size());
   MatX directions = MatX::Zero(columns, columns);
   Eigen::Index count = 0;
+  if (!uses_forces(trial)) return directions.topRows(0);
   for_each_force(trial, frame, [&](std::size_t fixture, const Vec3& direction, double) {
     directions.row(count++).segment<3>(3 * static_cast<Eigen::Index>(fixture)) = direction;
   });
   return directions.topRows(count);
+}
+
+/// Of a frame's forces and the poses of its loaded clips, which the noise of the other poses makes
+/// wrong as well.
+MatX MechanicalProblem::weight_of(const MechanicalTrial& trial,
+                                  const MechanicalFrame& frame) const {
+  MatX directions = compared_directions(trial, frame.frame), derivative = frame.pose_derivative;
+  if (trial.capture.has_loaded()) {
+    const MatX by_moves = pose_residuals(trial, frame, options_.point_noise).by_moves;
+    const MatX forces = directions;
+    directions = MatX::Zero(forces.rows() + by_moves.rows(), forces.cols() + by_moves.cols());
+    directions.topLeftCorner(forces.rows(), forces.cols()) = forces;
+    // These are over their noise already.
+    directions.bottomRightCorner(by_moves.rows(), by_moves.cols()) =
+        options_.force_noise * by_moves;
+    derivative.resize(frame.pose_derivative.rows() + frame.clips_by_poses.rows(),
+                      frame.pose_derivative.cols());
+    derivative << frame.pose_derivative, frame.clips_by_poses;
+  }
+  return force_weight(derivative, trial.capture.clips(frame.frame), directions,
+                      trial.capture.clip_noise, options_.force_noise);
 }
 
 ForceWeights MechanicalProblem::weights_of(const MechanicalFrames& frames) const {
@@ -280,17 +303,12 @@ ForceWeights MechanicalProblem::weights_of(const MechanicalFrames& frames) const
   for (std::size_t t = 0; t < trials_.size(); ++t) {
     const MechanicalTrial& trial = *trials_[t];
     for (const MechanicalFrame& frame : frames[t])
-      weights[t].push_back(has_clip_noise(trial)
-                               ? force_weight(frame.pose_derivative,
-                                              trial.capture.clips(frame.frame),
-                                              compared_directions(trial, frame.frame),
-                                              trial.capture.clip_noise, options_.force_noise)
-                               : MatX());
+      weights[t].push_back(has_clip_noise(trial) ? weight_of(trial, frame) : MatX());
   }
   return weights;
 }
 
-/// The first `count` rows, which are those of the forces.
+/// The first `count` rows, which are those of the forces and of loaded clips.
 void MechanicalProblem::weigh(std::size_t trial, int frame, Eigen::Index count,
                               Residuals& r) const {
   if (weights_.empty() || weights_[trial][at(frame)].size() == 0) return;
@@ -306,15 +324,21 @@ void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
   const bool slopes = derivatives == MechanicalDerivatives::all;
   const Eigen::Index parameters = fabric_.values.size();
   const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame.frame)])];
-  const Eigen::Index most = frame.forces.size() + (trial.geometry ? frame.points.size() : 0);
+  const PoseResiduals poses = pose_residuals(trial, frame, options_.point_noise);
+  const Eigen::Index most =
+      frame.forces.size() + poses.values.size() + (trial.geometry ? frame.points.size() : 0);
   r.values.resize(most);
   r.ways.setZero(most);
   r.jacobian.resize(slopes ? most : 0, parameters);
   Eigen::Index count = 0;
-  if (uses_forces(trial)) {
-    add_force_residuals(t, frame, derivatives, count, r);
-    weigh(t, frame.frame, count, r);
+  if (uses_forces(trial)) add_force_residuals(t, frame, derivatives, count, r);
+  if (poses.values.size() > 0) {
+    r.values.segment(count, poses.values.size()) = poses.values;
+    if (slopes)
+      r.jacobian.middleRows(count, poses.values.size()) = poses.by_moves * frame.clip_derivative;
+    count += poses.values.size();
   }
+  weigh(t, frame.frame, count, r);
   if (uses_points(trial)) {
     const Points& measured = trial.geometry->frames[at(frame.frame)];
     for (Eigen::Index i = 0; i < measured.cols(); ++i) {

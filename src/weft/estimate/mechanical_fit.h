@@ -22,7 +22,8 @@
 
 namespace weft {
 
-/// What of a capture is compared.
+/// What of a capture is compared, beside the poses of loaded clips (pose_residuals.h), which always
+/// are.
 enum class MechanicalResiduals {
   /// Forces where two clips or more pull on the cloth, points where a single one holds it (its
   /// force is the weight, whatever the material).
@@ -93,9 +94,10 @@ class MechanicalShapes {
 /// Sum over frames of squared differences, each divided by its noise; the cost is its mean over the
 /// compared numbers (1 for a model that lacks nothing and noise as stated).
 ///
-/// Where captures state a noise of their clips, differences of forces are weighed with it
-/// (force_weights.h) once weigh_by() has said how: as at one fabric, whatever fabric is asked for
-/// then. Weights that followed the fabric would make the cost smaller the stiffer it is.
+/// Where captures state a noise of their clips, differences of forces and of loaded clips are
+/// weighed with it (force_weights.h) once weigh_by() has said how: as at one fabric, whatever
+/// fabric is asked for then. Weights that followed the fabric would make the cost smaller the
+/// stiffer it is.
 ///
 /// Friction of the cords is one number f >= 0 for each of some captures, beside the fabric's
 /// parameters. Its differences are linear in it, r + f w with the ways w of cord_friction.h over
@@ -176,6 +178,7 @@ class MechanicalProblem {
   std::string key(Question question, const VecX& scaled, const MechanicalShapes* near) const;
   bool has_clip_noise(const MechanicalTrial& trial) const;
   MatX compared_directions(const MechanicalTrial& trial, int frame) const;
+  MatX weight_of(const MechanicalTrial& trial, const MechanicalFrame& frame) const;
   ForceWeights weights_of(const MechanicalFrames& frames) const;
   double cost_of(const MechanicalFrames& frames) const;
   Linearization linearization_of(const MechanicalFrames& frames, const VecX& scaled) const;

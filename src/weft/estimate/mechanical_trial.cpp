@@ -166,21 +166,46 @@ std::vector<Chain> chains_of(const std::vector<std::shared_ptr<const MechanicalT
   return chains;
 }
 
+/// Where a frame starts.
+struct FrameStart {
+  Points x;
+  std::vector<Clip> clips;  ///< of these the loaded ones; empty: where x has them
+  StaticOptions::Start kind = StaticOptions::Start::any;
+};
+
+/// Loaded clips where they were found at the frame `before`, moved along as measured.
+std::vector<Clip> moved_along(const MechanicalCapture& capture, int frame,
+                              const MechanicalFrame& before) {
+  std::vector<Clip> clips = capture.clips(frame);
+  for (std::size_t c = 0; c < clips.size(); ++c) {
+    if (!capture.fixtures[c].loaded() || !before.converged) continue;
+    const Clip &found = before.clips[c], &was = capture.fixtures[c].frames[at(before.frame)];
+    clips[c].position += found.position - was.position;
+    clips[c].rotation = clips[c].rotation * was.rotation.conjugate() * found.rotation;
+    clips[c].rotation.normalize();
+  }
+  return clips;
+}
+
 /// Where the frame starts; `before` is the frame before it in its chain, null for the first.
-Points start_of(const MechanicalTrial& trial, int frame, const MechanicalFrame* before) {
+FrameStart start_of(const MechanicalTrial& trial, int frame, const MechanicalFrame* before) {
   const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame)])];
   const MaterialPoints& material = stage.mesh.material;
+  const std::vector<Clip> measured = trial.capture.clips(frame);
   if (trial.geometry) {
     const MeasuredGeometry& geometry = *trial.geometry;
-    return interpolate(geometry.mesh, MaterialLocator(geometry.mesh), geometry.frames[at(frame)],
-                       material);
+    return {interpolate(geometry.mesh, MaterialLocator(geometry.mesh), geometry.frames[at(frame)],
+                        material),
+            measured};
   }
-  Points between = blend_of_clips(material, trial.capture.clips(frame));
-  if (!before) return between;
+  Points between = blend_of_clips(material, measured);
+  if (!before) return {std::move(between), measured};
   const MechanicalStage& old = trial.stages[at(trial.stage_of_frame[at(before->frame)])];
   const Points moved = between - blend_of_clips(material, trial.capture.clips(before->frame));
-  if (&old == &stage) return before->x + moved;
-  return interpolate(old.mesh, MaterialLocator(old.mesh), before->x, material) + moved;
+  const Points there = &old == &stage
+                           ? before->x
+                           : interpolate(old.mesh, MaterialLocator(old.mesh), before->x, material);
+  return {there + moved, moved_along(trial.capture, frame, *before)};
 }
 
 /// The cloth of a stage.
@@ -230,6 +255,7 @@ MechanicalFrame sheared_frame(const MechanicalTrial& trial, int frame, const Ela
   MechanicalFrame result;
   result.frame = frame;
   result.converged = true;
+  result.clips = {clip};
   result.x = (threads.along * arms).colwise() + clip.position;
   Points gradient;
   model.gradient(result.x, gradient);
@@ -247,12 +273,62 @@ MechanicalFrame sheared_frame(const MechanicalTrial& trial, int frame, const Ela
   return result;
 }
 
+/// Takes over what was found, but for the shape.
+void take(const ClipEquilibrium& found, MechanicalFrame& result) {
+  result.converged = found.converged;
+  result.residual = found.residual;
+  result.iterations = found.iterations;
+  result.forces = found.forces;
+  result.torques = found.torques;
+}
+
+/// With all clips held. Returns the shape's derivative by the parameters, where it is asked for.
+MatX solve_held(const HeavyCloth& cloth, const MatX& history_derivative, FrameStart start,
+                const StaticOptions& statics, MechanicalDerivatives derivatives,
+                MechanicalFrame& result) {
+  ClippedCloth clipped(cloth, result.clips);
+  ClipEquilibrium found = clipped.solve(std::move(start.x), statics);
+  take(found, result);
+  result.x = std::move(found.x);
+  if (derivatives == MechanicalDerivatives::poses)
+    result.pose_derivative = clipped.pose_sensitivities(result.x);
+  if (derivatives != MechanicalDerivatives::all) return {};
+  ClipSensitivities s = clipped.sensitivities(result.x, history_derivative);
+  result.force_derivative = std::move(s.forces);
+  result.inexact = s.inexact;
+  return std::move(s.x);
+}
+
+/// The same with loaded clips.
+MatX solve_loaded(const HeavyCloth& cloth, std::vector<std::optional<ClipLoad>> loads,
+                  const MatX& history_derivative, FrameStart start, const StaticOptions& statics,
+                  MechanicalDerivatives derivatives, MechanicalFrame& result) {
+  LoadedCloth loaded(cloth, result.clips, std::move(loads));
+  const std::vector<Clip> from =
+      start.clips.empty() ? loaded.clips_of_shape(start.x) : std::move(start.clips);
+  const LoadedEquilibrium found = loaded.solve(std::move(start.x), from, statics);
+  take(found.cloth, result);
+  result.clips = found.clips;
+  result.x = found.cloth.x;
+  if (derivatives == MechanicalDerivatives::poses) {
+    LoadedPoseSensitivities s = loaded.pose_sensitivities(found);
+    result.pose_derivative = std::move(s.forces);
+    result.clips_by_poses = std::move(s.poses);
+  }
+  if (derivatives != MechanicalDerivatives::all) return {};
+  LoadedSensitivities s = loaded.sensitivities(found, history_derivative);
+  result.force_derivative = std::move(s.forces);
+  result.clip_derivative = std::move(s.poses);
+  result.inexact = s.inexact;
+  return std::move(s.x);
+}
+
 /// `models` are the trial's; with internal friction they are this thread's alone. `history` is that
 /// of the frame before, then of this one.
 MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
                                const std::vector<StageModel>& models,
-                               MechanicalDerivatives derivatives, Points start,
-                               StaticOptions::Start kind, History& history) {
+                               MechanicalDerivatives derivatives, FrameStart start,
+                               History& history) {
   const int stage_index = trial.stage_of_frame[at(frame)];
   const MechanicalStage& stage = trial.stages[at(stage_index)];
   const MechanicalCapture& capture = trial.capture;
@@ -266,32 +342,25 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
     return result;
   }
   const HeavyCloth cloth(*model, capture.areal_density, capture.gravity);
-  ClippedCloth clipped(cloth, capture.clips(frame));
   StaticOptions statics = trial.options.statics;
-  statics.start = kind;
-  ClipEquilibrium found = clipped.solve(std::move(start), statics);
+  statics.start = start.kind;
   MechanicalFrame result;
   result.frame = frame;
-  result.converged = found.converged;
-  result.residual = found.residual;
-  result.iterations = found.iterations;
-  result.forces = std::move(found.forces);
-  result.torques = std::move(found.torques);
+  result.clips = capture.clips(frame);
+  const MatX by_parameters =
+      capture.has_loaded()
+          ? solve_loaded(cloth, capture.loads(frame), history.derivative, std::move(start), statics,
+                         derivatives, result)
+          : solve_held(cloth, history.derivative, std::move(start), statics, derivatives, result);
   if (trial.geometry) {
-    const VecX points = stage.points * flat(found.x);
+    const VecX points = stage.points * flat(result.x);
     result.points = Points::Map(points.data(), 3, points.size() / 3);
   }
   if (derivatives == MechanicalDerivatives::all) {
-    ClipSensitivities s = clipped.sensitivities(found.x, history.derivative);
-    if (remembers) advance(*model, found.x, s.x, history);
-    if (trial.geometry) result.point_derivative = stage.points * s.x;
-    result.force_derivative = std::move(s.forces);
-    result.inexact = s.inexact;
+    if (remembers) advance(*model, result.x, by_parameters, history);
+    if (trial.geometry) result.point_derivative = stage.points * by_parameters;
   }
-  if (derivatives == MechanicalDerivatives::poses)
-    result.pose_derivative = clipped.pose_sensitivities(found.x);
-  if (remembers) history.values = model->next_history(found.x);
-  result.x = std::move(found.x);
+  if (remembers) history.values = model->next_history(result.x);
   return result;
 }
 
@@ -301,6 +370,8 @@ struct Sums {
   int forces = 0;
   double distances = 0, distance_squares = 0, distance_max = 0;
   int points = 0;
+  double shift_squares = 0, turn_squares = 0;
+  int poses = 0;
 
   void add(const Sums& other) {
     force_squares += other.force_squares;
@@ -310,13 +381,31 @@ struct Sums {
     distance_squares += other.distance_squares;
     distance_max = std::max(distance_max, other.distance_max);
     points += other.points;
+    shift_squares += other.shift_squares;
+    turn_squares += other.turn_squares;
+    poses += other.poses;
   }
   double force_rms() const { return forces ? std::sqrt(force_squares / forces) : 0; }
   SurfaceDistance distance() const {
     if (!points) return {};
     return {distances / points, std::sqrt(distance_squares / points), distance_max};
   }
+  PoseDistance pose() const {
+    if (!poses) return {};
+    return {std::sqrt(shift_squares / poses), std::sqrt(turn_squares / poses), poses};
+  }
 };
+
+void add_poses(const MechanicalTrial& trial, const MechanicalFrame& frame, Sums& sums) {
+  for (std::size_t c = 0; c < trial.capture.fixtures.size(); ++c) {
+    const MechanicalFixture& fixture = trial.capture.fixtures[c];
+    if (!fixture.loaded()) continue;
+    const Vec6 difference = pose_difference(frame.clips[c], fixture.frames[at(frame.frame)]);
+    sums.shift_squares += difference.head<3>().squaredNorm();
+    sums.turn_squares += difference.tail<3>().squaredNorm();
+    ++sums.poses;
+  }
+}
 
 Sums difference(const MechanicalTrial& trial, const MechanicalFrame& frame) {
   Sums sums;
@@ -331,6 +420,7 @@ Sums difference(const MechanicalTrial& trial, const MechanicalFrame& frame) {
       ++sums.forces;
     }
   }
+  add_poses(trial, frame, sums);
   if (!trial.geometry) return sums;
   const Points& measured = trial.geometry->frames[at(frame.frame)];
   const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame.frame)])];
@@ -429,11 +519,9 @@ MechanicalFrames simulate_mechanical(
       const std::size_t t = chains[i].trial;
       MechanicalFrame& result = results[t][at(frame)];
       const MechanicalFrame* known = near ? &(*near)[t][at(frame)] : nullptr;
-      const auto kind = known && known->converged ? StaticOptions::Start::near_equilibrium
-                                                  : StaticOptions::Start::any;
-      Points start = known ? known->x : start_of(*trials[t], frame, before);
-      result = simulate_frame(*trials[t], frame, models[t], derivatives, std::move(start), kind,
-                              history);
+      FrameStart start = known ? FrameStart{known->x, {}} : start_of(*trials[t], frame, before);
+      if (known && known->converged) start.kind = StaticOptions::Start::near_equilibrium;
+      result = simulate_frame(*trials[t], frame, models[t], derivatives, std::move(start), history);
       before = &result;
     }
   });
@@ -467,7 +555,8 @@ MechanicalEvaluation compare_mechanical(const MechanicalTrial& trial,
     const Sums sums = difference(trial, frame);
     all.add(sums);
     evaluation.frames.push_back({frame.frame, frame.converged, frame.residual, sums.force_rms(),
-                                 sums.force_max, sums.forces, sums.distance(), sums.points});
+                                 sums.force_max, sums.forces, sums.distance(), sums.points,
+                                 sums.pose()});
     if (!frame.converged) ++evaluation.not_converged;
   }
   evaluation.largest_force = largest_measured_force(trial.capture);
@@ -477,6 +566,7 @@ MechanicalEvaluation compare_mechanical(const MechanicalTrial& trial,
   evaluation.force_count = all.forces;
   evaluation.distance = all.distance();
   evaluation.point_count = all.points;
+  evaluation.pose = all.pose();
   return evaluation;
 }
 

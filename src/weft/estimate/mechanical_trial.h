@@ -72,11 +72,17 @@ struct MechanicalFrame {
   Points points;          ///< at the measured points, m; no columns without a measured shape
   MatX point_derivative;  ///< 3 points x parameters; empty if not asked for
   MatX force_derivative;  ///< 3 fixtures x parameters; empty if not asked for
-  MatX pose_derivative;   ///< of clip_pose_sensitivities(); empty if not asked for
-  bool inexact = false;   ///< derivatives of a matrix that had to be made positive definite
+  /// As of clip_pose_sensitivities(), with loaded clips following: their columns are zero. Empty if
+  /// not asked for.
+  MatX pose_derivative;
+  std::vector<Clip> clips;  ///< one a fixture; loaded ones as found; of a picture frame as captured
+  /// Of loaded clips, zero for others, moves (clip_poses.h): 6 fixtures x parameters, and by the
+  /// poses of held clips 6 fixtures x 6 fixtures; empty if not asked for, and without loaded clips.
+  MatX clip_derivative, clips_by_poses;
+  bool inexact = false;  ///< derivatives of a matrix that had to be made positive definite
 };
 
-/// All: by the parameters. Poses: of the forces, by the poses of the clips.
+/// All: by the parameters. Poses: of the forces and of loaded clips, by the poses of the clips.
 enum class MechanicalDerivatives { none, all, poses };
 
 /// Of each trial all frames.
@@ -106,7 +112,15 @@ MechanicalFrames starts_between(const std::vector<std::shared_ptr<const Mechanic
                                 const MechanicalFrames& from,
                                 const std::vector<std::shared_ptr<const MechanicalTrial>>& to);
 
-/// How far a frame's forces and shape are from the measured ones.
+/// How far loaded clips are from where they were measured to be: root mean squares of the length of
+/// the shift and of the turn.
+struct PoseDistance {
+  double position_rms = 0;  ///< m
+  double rotation_rms = 0;  ///< rad
+  int count = 0;            ///< clips, in as many frames
+};
+
+/// How far a frame's forces, shape and loaded clips are from the measured ones.
 struct MechanicalDifference {
   int frame = 0;
   bool converged = false;
@@ -116,6 +130,7 @@ struct MechanicalDifference {
   int force_count = 0;       ///< measured components
   SurfaceDistance distance;  ///< m, over the measured points outside the clips
   int point_count = 0;       ///< of these
+  PoseDistance pose;
 };
 struct MechanicalEvaluation {
   std::vector<MechanicalDifference> frames;
@@ -125,6 +140,7 @@ struct MechanicalEvaluation {
   int force_count = 0;
   SurfaceDistance distance;  ///< over all frames: mean of all, root of mean square, largest
   int point_count = 0;
+  PoseDistance pose;      ///< over all frames
   int not_converged = 0;  ///< frames
 };
 MechanicalEvaluation compare_mechanical(const MechanicalTrial& trial,
