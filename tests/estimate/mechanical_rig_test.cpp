@@ -85,6 +85,63 @@ TEST(SimulateRig, FrictionOfTheCordsIsALoop) {
   }
 }
 
+RigOptions with_known_forces() {
+  RigOptions options = small_rig();
+  options.stretch_drive = StretchDrive::known_forces;
+  return options;
+}
+
+TEST(RigLayout, KnownForcesGoInStepsWithoutTheRest) {
+  const MechanicalCapture capture =
+      rig_layout(RigTest::warp_stretch, soft_fabric(), with_known_forces());
+  ASSERT_EQ(capture.frame_count, 4);  // 1/2, 1, 1, 1/2
+  EXPECT_FALSE(capture.fixtures[0].loaded());
+  ASSERT_EQ(capture.fixtures[1].cords.size(), 2u);
+  for (const FixtureCord& cord : capture.fixtures[1].cords) {
+    EXPECT_NEAR(cord.tensions[1], 5, 0.02);  // 10 N by two cords, at a strain found in steps
+    EXPECT_NEAR(cord.tensions[0], 0.5 * cord.tensions[1], 1e-12);
+    EXPECT_EQ(cord.tensions[3], cord.tensions[0]);
+  }
+  // Tests of shear and bend stay as they are.
+  for (const RigTest test : {RigTest::shear, RigTest::weft_bend})
+    EXPECT_FALSE(rig_layout(test, soft_fabric(), with_known_forces()).has_loaded());
+}
+
+// The bar goes as far as the stiffness along the weft says, whose strain is Green's.
+TEST(SimulateRig, KnownForcesPullTheBarAsFarAsTheClothGives) {
+  const RigMeasurement made =
+      simulate_rig(RigTest::weft_stretch, soft_fabric(), without_noise(with_known_forces()));
+  EXPECT_EQ(made.capture.fixtures[0].forces.cols(), 0);
+  EXPECT_EQ(made.capture.drive, ClipDrive::rigid);
+  for (const int frame : {0, 1}) {
+    const auto at = static_cast<std::size_t>(frame);
+    const double pull = 2 * made.capture.fixtures[1].cords[0].tensions[frame];
+    const Clip &held = made.true_clips[0][at], &bar = made.true_clips[1][at];
+    const double length = (bar.position - held.position).norm() - 0.005;
+    const double e = length / 0.09 - 1;
+    EXPECT_NEAR((1 + e) * 200 * (e + 0.5 * e * e) * 0.1, pull, 5e-3 * pull) << frame;
+    // The bar weighs 0.02 N, and half of the cloth 0.01 N: it hangs lower than the other one.
+    EXPECT_LT(bar.position.z(), -1e-4);
+    EXPECT_GT(bar.position.z(), -2e-3);
+    EXPECT_EQ(made.capture.fixtures[1].frames[at].position, bar.position);
+  }
+}
+
+TEST(SimulateRig, KnownForcesHaveNoiseInThePosesAlone) {
+  RigOptions options = with_known_forces();
+  options.steps = 4;
+  const RigMeasurement noisy = simulate_rig(RigTest::weft_stretch, soft_fabric(), options);
+  EXPECT_EQ(noisy.capture.clip_noise, 75e-6 / 6);
+  Vec6 squares = Vec6::Zero();
+  for (std::size_t k = 0; k < 8; ++k)
+    squares +=
+        pose_difference(noisy.capture.fixtures[1].frames[k], noisy.true_clips[1][k]).cwiseAbs2();
+  // 24 numbers of each kind: within a factor of 1.6 with 99.9 % of chance.
+  EXPECT_NEAR(std::log(std::sqrt(squares.head<3>().sum() / 24) / 12.5e-6), 0, std::log(1.6));
+  EXPECT_NEAR(std::log(std::sqrt(squares.tail<3>().sum() / 24) / (12.5e-6 / 0.05)), 0,
+              std::log(1.6));
+}
+
 TEST(SimulateRig, NoiseIsAsStated) {
   RigOptions options = small_rig();
   options.steps = 1;

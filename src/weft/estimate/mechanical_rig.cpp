@@ -20,6 +20,8 @@ constexpr double kFreeCorner = 0.1;     // of the side, between a corner and a b
 constexpr double kCornerStrain = 0.05;  // elongation of the diagonal, at most
 constexpr double kTension = 1.2;        // of the shear test, of its largest shear stress
 constexpr int kTensionFrames = 2;       // from rest to that tension
+constexpr double kPulleyDistance = 0.5;    // m, from a loaded bar at no load
+constexpr double kBarMass = 2e-3;          // kg, of a loaded bar
 constexpr double kLargestResidual = 1e-5;  // N, as of a fit
 constexpr double kLeastWay = 1e-9;         // m, of a clip that counts as moving
 
@@ -175,12 +177,41 @@ class Layout {
 
   void stretch(int axis, const StiffnessCurve& curve) {
     add_bars(axis);
+    if (options_.stretch_drive == StretchDrive::known_forces) {
+      pull(axis, curve);
+      return;
+    }
     const double way =
         strain_at(curve, largest_stress(), options_.largest_strain) * (side_ - 2 * kBarDepth);
     for (const double load : loads(options_)) {
       Vec2 shift = Vec2::Zero();
       shift[axis] = 0.5 * load * way;
       place(0, -shift);
+      place(1, shift);
+    }
+  }
+
+  /// The second bar by cords at its ends, in steps of the force.
+  void pull(int axis, const StiffnessCurve& curve) {
+    const double free = side_ - 2 * kBarDepth;
+    const double strain = strain_at(curve, largest_stress(), options_.largest_strain);
+    const double most = curve.stiffness(strain) * strain * side_;
+    std::vector<double> schedule = loads(options_);
+    std::erase(schedule, 0.0);
+    MechanicalFixture& bar = capture_.fixtures[1];
+    bar.mass = kBarMass;
+    const Vec2 center = regions_[1].center();
+    for (const double end : {-0.5, 0.5}) {
+      FixtureCord& cord = bar.cords.emplace_back();
+      cord.at[1 - axis] = end * side_;
+      cord.pulley = Vec3(center.x(), center.y(), 0) + cord.at;
+      (*cord.pulley)[axis] += kPulleyDistance;
+      cord.tensions = 0.5 * most * VecX::Map(schedule.data(), std::ssize(schedule));
+    }
+    for (const double load : schedule) {
+      Vec2 shift = Vec2::Zero();
+      shift[axis] = strain_at(curve, load * most / side_, options_.largest_strain) * free;
+      place(0, Vec2::Zero());
       place(1, shift);
     }
   }
@@ -276,6 +307,18 @@ bool has_internal_friction(const Fabric& fabric) {
   return false;
 }
 
+bool same_loads(const std::vector<std::optional<ClipLoad>>& a,
+                const std::vector<std::optional<ClipLoad>>& b) {
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (!a[i]) continue;
+    for (std::size_t k = 0; k < a[i]->cords.size(); ++k) {
+      const Cord &first = a[i]->cords[k], &second = b[i]->cords[k];
+      if (first.tension != second.tension || first.force != second.force) return false;
+    }
+  }
+  return true;
+}
+
 bool same_clips(const std::vector<Clip>& a, const std::vector<Clip>& b) {
   for (std::size_t i = 0; i < a.size(); ++i) {
     const bool same = a[i].region == b[i].region && a[i].position == b[i].position &&
@@ -291,7 +334,9 @@ std::vector<std::size_t> repeated_frames(const MechanicalCapture& capture, bool 
   std::vector<std::size_t> result;
   for (int frame = 0; frame < capture.frame_count; ++frame) {
     std::size_t i = 0;
-    while (i < kept.size() && (repeat || !same_clips(capture.clips(frame), capture.clips(kept[i]))))
+    while (i < kept.size() &&
+           (repeat || !same_clips(capture.clips(frame), capture.clips(kept[i])) ||
+            !same_loads(capture.loads(frame), capture.loads(kept[i]))))
       ++i;
     if (i == kept.size()) kept.push_back(frame);
     result.push_back(i);
@@ -306,6 +351,12 @@ MechanicalCapture with_frames(const MechanicalCapture& capture, const std::vecto
     const std::vector<Clip> all = fixture.frames;
     fixture.frames.clear();
     for (const int frame : frames) fixture.frames.push_back(all[at(frame)]);
+    for (FixtureCord& cord : fixture.cords) {
+      if (cord.pulley)
+        cord.tensions = VecX(cord.tensions(frames));
+      else
+        cord.forces = Points(cord.forces(Eigen::all, frames));
+    }
   }
   return result;
 }
@@ -434,8 +485,9 @@ RigMeasurement simulate_rig(RigTest test, const Fabric& fabric, const RigOptions
     result.geometry.frames.push_back(std::move(points));
   }
   result.capture.clip_noise = options.noise.clips;
-  const bool measured = result.capture.fixtures.size() > 1;
+  const bool measured = result.capture.fixtures.size() > 1 && !result.capture.has_loaded();
   if (measured && options.noise.cord_friction > 0) result.capture.drive = ClipDrive::cords;
+  result.true_clips.resize(result.capture.fixtures.size());
   for (std::size_t i = 0; i < result.capture.fixtures.size(); ++i) {
     MechanicalFixture& fixture = result.capture.fixtures[i];
     Points& forces = result.true_forces.emplace_back(3, result.capture.frame_count);
@@ -449,7 +501,12 @@ RigMeasurement simulate_rig(RigTest test, const Fabric& fabric, const RigOptions
             0.5 * options.noise.cord_friction * direction_of_motion(fixture, frame) +
             normal3(force_rng, options.noise.forces);
     }
-    for (Clip& clip : fixture.frames) add_clip_noise(clip, options.noise.clips, clip_rng);
+    for (int frame = 0; frame < result.capture.frame_count; ++frame) {
+      Clip& clip = fixture.frames[at(frame)];
+      clip = truth.frames[truth.frame_of[at(frame)]].clips[i];
+      result.true_clips[i].push_back(clip);
+      add_clip_noise(clip, options.noise.clips, clip_rng);
+    }
   }
   return result;
 }

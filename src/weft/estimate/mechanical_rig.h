@@ -18,6 +18,11 @@
 /// How far: until the cloth between the bars, were it strained evenly, answers with
 /// `largest_force` on a bar, but no further than `largest_strain` or `largest_shear`. Frames load
 /// in equal steps and unload through the same ones, with a frame before and one after each turn.
+///
+/// With StretchDrive::known_forces the first bar of a stretch test is held and the other one, of 2
+/// g, hangs in two cords from its ends over pulleys 0.5 m away at the height of the first bar.
+/// Their tensions go in the same steps, without the one of no load, up to what the cloth would
+/// answer with; where the bar is then is measured, no force is.
 #include <span>
 #include <string_view>
 
@@ -57,6 +62,12 @@ struct RigNoise {
   double cord_friction = 0.1;
 };
 
+/// How the stretch tests are driven.
+enum class StretchDrive {
+  known_ways,   ///< bars are moved, and their forces measured
+  known_forces  ///< a bar is pulled, and its pose measured
+};
+
 struct RigOptions {
   static MechanicalOptions truth_mesh() {
     MechanicalOptions options;
@@ -72,7 +83,8 @@ struct RigOptions {
   double least_overhang = 0.02;    ///< m, of bend tests
   double largest_overhang = 0.08;  ///< m, above the least, at most side - 5 mm
   int steps = 8;  ///< frames from rest to the largest load, 1 to 1000; overhangs of a bend test
-  int loops = 1;  ///< loading and unloading, 1 to 100
+  StretchDrive stretch_drive = StretchDrive::known_ways;
+  int loops = 1;         ///< loading and unloading, 1 to 100
   int point_lines = 31;  ///< measured points along each side, 2 to 400
   /// Of the truth: with all quads split alike, so not the mesh of a fit.
   MechanicalOptions mesh = truth_mesh();
@@ -81,7 +93,8 @@ struct RigOptions {
   int threads = 0;
 };
 
-/// What a rig would be told to do with this fabric: clips frame by frame, no forces, no shape. The
+/// What a rig would be told to do with this fabric: clips frame by frame, no measured forces, no
+/// shape; loaded clips where they would be, were the cloth strained evenly and without weight. The
 /// fabric has an areal density. Throws Error for a fabric without, of a model without components
 /// along the threads ("stvk" and those with weft_stretch have them), and options out of range.
 MechanicalCapture rig_layout(RigTest test, const Fabric& fabric, const RigOptions& options = {});
@@ -91,6 +104,8 @@ struct RigMeasurement {
   MeasuredGeometry geometry;
   /// Before the noise: what the clips' forces were, one matrix a fixture, 3 x frames, N.
   std::vector<Points> true_forces;
+  /// The same of the poses of all clips, by fixture and frame.
+  std::vector<std::vector<Clip>> true_clips;
 };
 /// The layout, computed and measured. Deterministic whatever the number of threads. Throws Error
 /// where a frame has no equilibrium. Frames of equal clips are computed once unless the fabric has
