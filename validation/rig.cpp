@@ -1,10 +1,12 @@
 /// Fits to captures of the computed rig, whose fabrics are known: how well the curves of the
 /// generating model come back from starts wrong by a factor of 10, how the fit predicts the tests
 /// that it did not see, the two orders of fitting beside each other, what other models and
-/// simpler variants leave as residual, and the least error that the noise allows any fit.
+/// simpler variants leave as residual, the least error that the noise allows any fit, and stretch
+/// tests whose bars are moved beside such whose bar is pulled with known forces.
 ///
-///     weft_validate_rig OUT [recovery] [orders] [table] [bound] [--fabric NAME] [--model NAME]
-///                       [--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N]
+///     weft_validate_rig OUT [recovery] [orders] [table] [bound] [known_forces] [--fabric NAME]
+///                       [--model NAME] [--cells N] [--truth-cells N] [--steps N] [--starts N]
+///                       [--threads N]
 ///                       [--uniform] [--no-noise] [--noise P,C,F,R] [--skip ROW]
 ///                       [--only ROW] [--cord-friction auto|fit|none] [--no-mesh-error]
 ///
@@ -116,13 +118,14 @@ ComponentSample occurring(const Trials& trials,
   return sample;
 }
 
+/// Of the first `rows` components.
 void compare_curves(const Arguments& arguments, const Trials& trials, const Fabric& truth,
-                    const CurveFitResult& found) {
+                    const CurveFitResult& found, std::size_t rows = std::size(kThreadParameters)) {
   const auto frames =
       simulate_mechanical(trials, truth, MechanicalDerivatives::none, arguments.threads);
   fmt::print("  {:<14} {:>6} {:>22} {:>26} {:>8} {:>8} {:>8}  {}\n", "component", "points",
              "strains", "stiffness at the ends", "rms (%)", "max (%)", "stress", "band");
-  for (std::size_t i = 0; i < std::size(kThreadParameters); ++i) {
+  for (std::size_t i = 0; i < rows; ++i) {
     const std::string row(kThreadParameters[i].name);
     const ComponentSample sample = occurring(trials, frames, truth, i);
     const StrainRange range = strain_range(sample, kOutliers);
@@ -164,6 +167,9 @@ void print_tests(const Arguments& arguments, const std::string& fabric, const Fa
         simulate_mechanical({trial}, found, MechanicalDerivatives::none, arguments.threads);
     const MechanicalEvaluation e = compare_mechanical(*trial, frames[0]);
     fmt::print("  {:<14}", name_of(test));
+    if (e.pose.count > 0)
+      fmt::print(" poses rms {:.4f} mm, {:.3f} mrad;", 1e3 * e.pose.position_rms,
+                 1e3 * e.pose.rotation_rms);
     if (e.force_count > 0)
       fmt::print(" force rms {:>8.4f} N, {:>6.2f} % of {:.3f} N;", e.force_rms,
                  100 * e.force_relative, e.largest_force);
@@ -177,17 +183,23 @@ void print_tests(const Arguments& arguments, const std::string& fabric, const Fa
 
 double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
+std::vector<std::string> rows_of(const Arguments& arguments, const Fabric& start) {
+  if (!arguments.only.empty()) return {arguments.only};
+  std::vector<std::string> rows = searched_parameters(start.model);
+  std::erase(rows, arguments.skip);
+  return rows;
+}
+
 CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const Fabric& start,
-                         const CurveFitOptions& options, const std::string& title) {
+                         const CurveFitOptions& options, const std::string& title,
+                         std::vector<std::string> rows = {}) {
   const double before = cpu_seconds();
   CurveFitOptions chosen = options;
   chosen.threads = arguments.threads;
   chosen.fit.mesh_error = arguments.mesh_error;
   chosen.cost.cord_friction = arguments.cord_friction;
   std::string last;
-  std::vector<std::string> rows = searched_parameters(start.model);
-  std::erase(rows, arguments.skip);
-  if (!arguments.only.empty()) rows = {arguments.only};
+  if (rows.empty()) rows = rows_of(arguments, start);
   CurveFitResult found = fit_curves(
       trials, start, rows, chosen, [&](const std::string& stage, const MechanicalFitStep& step) {
         if (stage != last)
@@ -239,6 +251,39 @@ void recovery(const Arguments& arguments, const std::string& name, FitOrder orde
     print_friction(arguments, trials, found);
     compare_curves(arguments, trials, truth, found);
     if (arguments.only.empty()) print_tests(arguments, name, found.fit.fabric);
+  }
+}
+
+const std::vector<std::string> kStretches{"weft_stretch", "warp_stretch"};
+
+Trials stretch_trials(Arguments arguments, const std::string& name, StretchDrive drive) {
+  arguments.rig.stretch_drive = drive;
+  arguments.out /= drive == StretchDrive::known_forces ? "known_forces" : "known_ways";
+  Trials trials;
+  for (const RigTest test : {RigTest::weft_stretch, RigTest::warp_stretch})
+    trials.push_back(trial_of(arguments, name, test));
+  return trials;
+}
+
+/// The stretch tests alone, of moved bars whose forces are measured and of a pulled one whose pose
+/// is; all but the two curves of stretch known, which are compared over the strains of the second.
+void known_forces(const Arguments& arguments, const std::string& name) {
+  const Fabric truth = true_fabric(name);
+  Fabric start = truth;
+  const Fabric wrong = wrong_fabric(truth, truth.model, kStarts[0]);
+  for (const std::string& row : kStretches) start.set_curve(row, wrong.curve(row));
+  CurveFitOptions options;
+  options.order = FitOrder::incremental;
+  options.shape = CurveShape::subdivided;
+  const Trials moved = stretch_trials(arguments, name, StretchDrive::known_ways),
+               pulled = stretch_trials(arguments, name, StretchDrive::known_forces);
+  for (const Trials* trials : {&moved, &pulled}) {
+    const std::string title =
+        fmt::format("{}: stretch from {}, {}", name, kStarts[0].name,
+                    trials == &pulled ? "a bar pulled with known forces" : "moved bars");
+    const CurveFitResult found = timed_fit(arguments, *trials, start, options, title, kStretches);
+    print_friction(arguments, *trials, found);
+    compare_curves(arguments, pulled, truth, found, kStretches.size());
   }
 }
 
@@ -347,8 +392,8 @@ RigNoise parse_noise(const std::string& text) {
 }
 
 constexpr const char* kUsage =
-    "usage: weft_validate_rig OUT [recovery] [orders] [table] [bound] [--fabric NAME] "
-    "[--model NAME] "
+    "usage: weft_validate_rig OUT [recovery] [orders] [table] [bound] [known_forces] "
+    "[--fabric NAME] [--model NAME] "
     "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
     "[--skip ROW] [--only ROW] [--no-mesh-error] "
     "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none]";
@@ -389,7 +434,8 @@ Arguments parse(int argc, char** argv) {
     else if (arguments.out.empty())
       arguments.out = word;
     else
-      arguments.parts.push_back(part(word, {"recovery", "orders", "table", "bound"}, kUsage));
+      arguments.parts.push_back(
+          part(word, {"recovery", "orders", "table", "bound", "known_forces"}, kUsage));
   }
   if (arguments.out.empty()) throw Error(kUsage);
   if (arguments.parts.empty()) arguments.parts = {"recovery", "orders", "table"};
@@ -401,6 +447,7 @@ void run(const Arguments& arguments) {
     if (arguments.has("recovery")) recovery(arguments, fabric, FitOrder::incremental);
     if (arguments.has("orders")) recovery(arguments, fabric, FitOrder::joint);
     if (arguments.has("table")) table(arguments, fabric);
+    if (arguments.has("known_forces")) known_forces(arguments, fabric);
     if (arguments.has("bound")) bound(arguments, fabric);
   }
 }
