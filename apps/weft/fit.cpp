@@ -574,7 +574,7 @@ void add_fit(CLI::App& app) {
       ->add_option(
           "--residuals", mechanical.residuals,
           "mechanical captures: what is compared; auto: forces between clips, points where "
-          "one clip holds the cloth")
+          "one clip holds the cloth; poses of clips that known forces pull always are")
       ->check(CLI::IsMember({"auto", "forces", "points", "both"}))
       ->capture_default_str();
   command
@@ -583,8 +583,10 @@ void add_fit(CLI::App& app) {
       ->check(number_in(1e-9, 1e3))
       ->capture_default_str();
   command
-      ->add_option("--point-noise", mechanical.point_noise,
-                   "mechanical captures: standard deviation of a coordinate, m")
+      ->add_option(
+          "--point-noise", mechanical.point_noise,
+          "mechanical captures: standard deviation of a coordinate, m, also of a pulled clip "
+          "in a capture without clip_noise")
       ->check(number_in(1e-9, 1))
       ->capture_default_str();
   command

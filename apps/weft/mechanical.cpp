@@ -11,9 +11,23 @@ namespace weft::app {
 namespace {
 
 void add_differences(nlohmann::json& object, int force_count, double force_rms, int point_count,
-                     const SurfaceDistance& distance) {
+                     const SurfaceDistance& distance, const PoseDistance& pose) {
   if (force_count > 0) object["force_rms"] = json_number(force_rms);
   if (point_count > 0) add_distance(object, distance);
+  if (pose.count > 0)
+    object["pose"] = {{"position_rms", json_number(pose.position_rms)},
+                      {"rotation_rms", json_number(pose.rotation_rms)}};
+}
+
+/// What pulls a loaded clip.
+std::string load_words(const MechanicalFixture& fixture) {
+  std::string text = fmt::format("not held, {:g} g", 1e3 * fixture.mass);
+  for (const FixtureCord& cord : fixture.cords) {
+    const double most =
+        cord.pulley ? cord.tensions.maxCoeff() : cord.forces.colwise().norm().maxCoeff();
+    text += fmt::format(", a cord{} of up to {:.4g} N", cord.pulley ? " to a pulley" : "", most);
+  }
+  return text;
 }
 
 void print_fixture(const MechanicalFixture& fixture) {
@@ -28,7 +42,9 @@ void print_fixture(const MechanicalFixture& fixture) {
       "m, ",
       fixture.name, first.region.lower.x(), first.region.lower.y(), first.region.upper.x(),
       first.region.upper.y(), first.position.x(), first.position.y(), first.position.z());
-  if (fixture.forces.cols() > 0)
+  if (fixture.loaded())
+    fmt::print("{}\n", load_words(fixture));
+  else if (fixture.forces.cols() > 0)
     fmt::print("force up to {:.4g} N\n", most);
   else
     fmt::print("no force\n");
@@ -111,13 +127,14 @@ nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation) {
     nlohmann::json object = {{"frame", frame.frame},
                              {"converged", frame.converged},
                              {"net_force", json_number(frame.residual)}};
-    add_differences(object, frame.force_count, frame.force_rms, frame.point_count, frame.distance);
+    add_differences(object, frame.force_count, frame.force_rms, frame.point_count, frame.distance,
+                    frame.pose);
     frames.push_back(object);
   }
   nlohmann::json object = {
       {"kind", "mechanical"}, {"frames", frames}, {"not_converged", evaluation.not_converged}};
   add_differences(object, evaluation.force_count, evaluation.force_rms, evaluation.point_count,
-                  evaluation.distance);
+                  evaluation.distance, evaluation.pose);
   if (evaluation.force_count > 0) {
     object["force_relative"] = json_number(evaluation.force_relative);
     object["force_largest"] = json_number(evaluation.largest_force);
@@ -135,6 +152,9 @@ std::string summary(const MechanicalEvaluation& evaluation) {
     text += fmt::format("{}distance mean {:.3f}, rms {:.3f}, max {:.2f} mm",
                         text.empty() ? "" : "; ", 1e3 * evaluation.distance.mean,
                         1e3 * evaluation.distance.rms, 1e3 * evaluation.distance.max);
+  if (evaluation.pose.count > 0)
+    text += fmt::format("{}pose {:.4f} mm, {:.3f} mrad rms", text.empty() ? "" : "; ",
+                        1e3 * evaluation.pose.position_rms, 1e3 * evaluation.pose.rotation_rms);
   return text.empty() ? "nothing was measured" : text;
 }
 

@@ -110,6 +110,43 @@ ReportClip report_clip(const MechanicalTrial& trial, std::size_t index,
   return clip;
 }
 
+/// The force of cords and weight on a clip, N.
+Vec3 force_of(const ClipLoad& load, const Clip& clip, const Vec3& gravity) {
+  return -potential_of(load, clip, gravity).gradient.head<3>();
+}
+
+ReportLoadedClip report_loaded(const MechanicalTrial& trial, std::size_t index,
+                               const std::vector<MechanicalFrame>& frames, const Spread& spread) {
+  const MechanicalCapture& capture = trial.capture;
+  const MechanicalFixture& fixture = capture.fixtures[index];
+  ReportLoadedClip clip;
+  clip.name = fixture.name;
+  Vec3 largest = Vec3::Zero();
+  for (const MechanicalFrame& frame : frames) {
+    const Vec3 force =
+        force_of(*fixture.load(frame.frame), fixture.frames[static_cast<std::size_t>(frame.frame)],
+                 capture.gravity);
+    clip.force.push_back(force.norm());
+    if (force.norm() > largest.norm()) largest = force;
+  }
+  const Vec3 direction = largest.norm() > 0 ? Vec3(largest.normalized()) : Vec3::UnitX();
+  const Vec3 from = fixture.frames.front().position;
+  for (const MechanicalFrame& frame : frames) {
+    const auto at = static_cast<std::size_t>(frame.frame);
+    clip.measured.push_back(direction.dot(fixture.frames[at].position - from));
+    const double computed = frame.converged ? direction.dot(frame.clips[index].position - from)
+                                            : std::numeric_limits<double>::quiet_NaN();
+    clip.computed.push_back(computed);
+    if (!spread.known() || frame.clip_derivative.size() == 0) continue;
+    const auto row = 6 * static_cast<Eigen::Index>(index);
+    const double half = spread(frame.clip_derivative.middleRows(row, 3).transpose() * direction);
+    clip.lower.push_back(computed - half);
+    clip.upper.push_back(computed + half);
+  }
+  if (clip.lower.size() != clip.computed.size()) clip.lower.clear(), clip.upper.clear();
+  return clip;
+}
+
 constexpr double kLeftOut = 0.005;  // of the area, at either end of a histogram
 
 /// Whether a strain occurs: less than this is rounding.
@@ -234,6 +271,11 @@ ReportMechanical report_capture(const MechanicalTrial& trial,
   }
   for (std::size_t i = 0; i < capture.fixtures.size(); ++i)
     report.clips.push_back(report_clip(trial, i, frames, spread));
+  for (std::size_t i = 0; i < capture.fixtures.size(); ++i)
+    if (capture.fixtures[i].loaded())
+      report.loaded.push_back(report_loaded(trial, i, frames, spread));
+  if (evaluation.pose.count > 0)
+    report.pose = ReportPose{evaluation.pose.position_rms, evaluation.pose.rotation_rms};
   for (std::size_t i = 0; i < samples.size(); ++i) {
     ReportHistogram histogram = report_histogram(kMaterialTests[i], samples[i]);
     if (!histogram.share.empty()) report.strains.push_back(std::move(histogram));
@@ -317,11 +359,14 @@ constexpr double kLeastDisplaced = 1e-3;  // of the distance of the clips, or ra
 constexpr double kStiffest = 1e5;         // N/m
 
 /// Empty where the model explains the capture.
-std::string mismatch(const MechanicalEvaluation& evaluation, double point_noise) {
+std::string mismatch(const MechanicalCapture& capture, const MechanicalEvaluation& evaluation,
+                     double point_noise) {
+  const double pose_noise = capture.clip_noise > 0 ? capture.clip_noise : point_noise;
+  const bool pose = evaluation.pose.position_rms > kMuchDistance * pose_noise;
   const bool force = evaluation.force_relative > kMuchForce,
              shape = evaluation.point_count > 0 &&
                      evaluation.distance.rms > kMuchDistance * point_noise;
-  if (!force && !shape) return {};
+  if (!force && !shape && !pose) return {};
   return "the model does not explain it: " + summary(evaluation) + ".";
 }
 
@@ -356,7 +401,9 @@ double largest_force(const MechanicalCapture& capture, std::size_t frame) {
 
 /// Of the first frame, before anything rubbed; with gravity or cords forces need no displacement.
 std::string offset(const MechanicalCapture& capture, const std::vector<double>& ways) {
-  if (ways.empty() || capture.drive == ClipDrive::cords || !capture.gravity.isZero()) return {};
+  if (ways.empty() || capture.drive == ClipDrive::cords || !capture.gravity.isZero() ||
+      capture.has_loaded())
+    return {};
   if (ways.front() > kNotDisplaced * std::ranges::max(ways)) return {};
   double most = 0;
   for (std::size_t k = 0; k < ways.size(); ++k) most = std::max(most, largest_force(capture, k));
@@ -441,7 +488,7 @@ void add_match_remarks(const std::vector<MechanicalCapture>& captures,
     const auto add = [&](const std::string& problem) {
       if (!problem.empty()) report.remarks.push_back(fmt::format("{}: {}", name, problem));
     };
-    if (report.error > kMuchError) add(mismatch(evaluations[i], point_noise));
+    if (report.error > kMuchError) add(mismatch(captures[i], evaluations[i], point_noise));
     const std::vector<double> ways = displacements(captures[i]);
     add(offset(captures[i], ways));
     add(little_displacement(captures[i], ways));
@@ -466,6 +513,18 @@ void add_series(const ReportMechanical& capture, nlohmann::json& entry) {
     clips.push_back(object);
   }
   entry["clips"] = clips;
+  if (!capture.loaded.empty()) {
+    nlohmann::json loaded = nlohmann::json::array();
+    for (const ReportLoadedClip& clip : capture.loaded) {
+      nlohmann::json object = {{"name", clip.name},
+                               {"force", rounded(clip.force)},
+                               {"measured", rounded(clip.measured)},
+                               {"computed", rounded(clip.computed)}};
+      add_band(clip.lower, clip.upper, object);
+      loaded.push_back(object);
+    }
+    entry["loaded_clips"] = loaded;
+  }
   nlohmann::json strains = nlohmann::json::array();
   for (const ReportHistogram& histogram : capture.strains)
     strains.push_back({{"name", histogram.name},

@@ -41,6 +41,36 @@ TEST(ForcePlot, RunsAlongTheFramesWhereNothingMoves) {
   EXPECT_EQ(plot.series[0].x, (std::vector<double>{0, 1, 2}));
 }
 
+ReportMechanical pulled() {
+  ReportMechanical capture = stretch();
+  capture.force_count = 0;
+  capture.clips = {{"held", {0, 0, 0}, {}, {}, {}, {}}, {"bar", {0, 0.01, 0.03}, {}, {}, {}, {}}};
+  capture.loaded = {{"bar",
+                     {1, 2, 4},
+                     {0, 0.01, 0.03},
+                     {0.001, 0.012, 0.031},
+                     {0, 0.01, 0.03},
+                     {0.002, 0.02, 0.04}}};
+  capture.pose = ReportPose{0.0015, 0.0025};
+  return capture;
+}
+
+TEST(LoadedPlot, RunsAlongTheKnownForce) {
+  ReportMechanical capture = pulled();
+  LinePlot plot = loaded_plot(capture);
+  EXPECT_EQ(plot.x.label, "known force");
+  ASSERT_EQ(plot.series.size(), 2u);
+  EXPECT_EQ(plot.series[0].name, "bar, computed");
+  EXPECT_EQ(plot.series[0].x, (std::vector<double>{1, 2, 4}));
+  EXPECT_EQ(plot.series[0].y, (std::vector<double>{1, 12, 31}));  // mm
+  EXPECT_EQ(plot.series[0].upper, (std::vector<double>{2, 20, 40}));
+  EXPECT_EQ(plot.series[1].y, (std::vector<double>{0, 10, 30}));
+  capture.loaded[0].force = {2, 2, 2};  // a weight that stays
+  plot = loaded_plot(capture);
+  EXPECT_EQ(plot.x.label, "frame");
+  EXPECT_EQ(plot.series[0].x, (std::vector<double>{0, 1, 2}));
+}
+
 TEST(StrainPlot, IsAStaircaseInPercent) {
   const ReportHistogram histogram{"weft stretch", "", 0.0, 0.02, {0.25, 0.75}};
   const LinePlot plot = strain_plot(histogram);
@@ -139,6 +169,17 @@ std::string row_of(const std::string& page, const std::string& name) {
     if (!inside && c != '>') text += c;
   }
   return text;
+}
+
+TEST(ReportHtml, LoadedClipsHaveTheirPoses) {
+  MechanicalReport tests;
+  tests.captures = {pulled()};
+  const std::string html = report_to_html(Report(), {}, tests);
+  EXPECT_THAT(html, HasSubstr("Pose of loaded clips, rms"));
+  EXPECT_THAT(html, HasSubstr("2.5 mrad"));
+  EXPECT_THAT(html, HasSubstr("Way of the clips under known forces"));
+  tests.captures = {stretch()};
+  EXPECT_THAT(report_to_html(Report(), {}, tests), Not(HasSubstr("Pose of loaded clips")));
 }
 
 TEST(ReportHtml, WhatWasFoundOfTestsHasItsTables) {

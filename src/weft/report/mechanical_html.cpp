@@ -28,13 +28,21 @@ int frames_without_equilibrium(const ReportMechanical& capture) {
   return count;
 }
 
+std::string pose_cell(const ReportMechanical& c) {
+  if (!c.pose) return "–";
+  return millimetres(c.pose->position) + ", " + format_short(1e3 * c.pose->rotation, 3) + " mrad";
+}
+
 /// One row a test, as in Table 2 of Miguel et al. 2012.
 std::string table_of_tests(const MechanicalReport& report) {
+  const bool poses = std::ranges::any_of(
+      report.captures, [](const ReportMechanical& c) { return c.pose.has_value(); });
   std::string html =
       "<table><thead><tr><th>Test</th><th class=\"n\">Force, rms</th><th class=\"n\">of the "
       "largest</th><th class=\"n\">largest measured</th><th class=\"n\">Distance, mean</th>"
-      "<th class=\"n\">largest</th><th class=\"n\">Frames without equilibrium</th></tr></thead>"
-      "<tbody>\n";
+      "<th class=\"n\">largest</th>";
+  if (poses) html += "<th class=\"n\">Pose of loaded clips, rms</th>";
+  html += "<th class=\"n\">Frames without equilibrium</th></tr></thead><tbody>\n";
   for (const ReportMechanical& c : report.captures) {
     html += "<tr>" + cell("Test", fmt::format("<b>{}</b>", escaped(c.name)), "lead");
     html += cell("Force, rms", force_cell(c), "n");
@@ -43,6 +51,7 @@ std::string table_of_tests(const MechanicalReport& report) {
                  c.force_count == 0 ? "–" : format_short(c.force_largest, 3) + " N", "n");
     html += cell("Distance, mean", distance_cell(c, &ReportDistance::mean), "n");
     html += cell("largest", distance_cell(c, &ReportDistance::max), "n");
+    if (poses) html += cell("Pose of loaded clips, rms", pose_cell(c), "n");
     html += cell("Frames without equilibrium", std::to_string(frames_without_equilibrium(c)), "n");
     html += "</tr>\n";
   }
@@ -191,6 +200,13 @@ std::string match_of(const ReportMechanical& c, PlotPlacer& place) {
     html += place(force,
                   "Component along the direction of the largest measured force of each clip. The "
                   "band is the 90 % interval that the parameters' uncertainty gives.");
+  if (!c.loaded.empty()) {
+    LinePlot loaded = loaded_plot(c);
+    loaded.width = kPlotWidth;
+    html += place(loaded,
+                  "Along the largest force, from where the clip was measured at the first frame. "
+                  "The band is the 90 % interval that the parameters' uncertainty gives.");
+  }
   LinePlot distance = shape_distance_plot(c);
   distance.width = kPlotWidth;
   if (distance.series.front().x.size() > 1)

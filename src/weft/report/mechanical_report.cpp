@@ -131,6 +131,35 @@ LinePlot force_plot(const ReportMechanical& capture) {
   return plot;
 }
 
+LinePlot loaded_plot(const ReportMechanical& capture) {
+  LinePlot plot;
+  plot.title = "Way of the clips under known forces";
+  const bool by_force = std::ranges::any_of(capture.loaded, [](const ReportLoadedClip& clip) {
+    return std::ranges::any_of(clip.force, [&](double f) { return f != clip.force.front(); });
+  });
+  plot.x = by_force ? axis("known force", "N") : axis("frame");
+  plot.x.integers = !by_force;
+  plot.y = axis("way", "mm");
+  int colour = 1;
+  for (const ReportLoadedClip& clip : capture.loaded) {
+    std::vector<double> x = clip.force;
+    if (!by_force)
+      for (std::size_t k = 0; k < x.size(); ++k) x[k] = capture.frames[k].index;
+    PlotSeries computed =
+        series(fmt::format("{}, computed", clip.name), x, scaled(clip.computed, kMillimetres));
+    computed.colour = colour;
+    computed.lower = scaled(clip.lower, kMillimetres);
+    computed.upper = scaled(clip.upper, kMillimetres);
+    PlotSeries measured =
+        series(fmt::format("{}, measured", clip.name), x, scaled(clip.measured, kMillimetres));
+    measured.colour = colour++ % 7;
+    measured.mark = PlotSeries::Mark::points;
+    plot.series.push_back(std::move(computed));
+    plot.series.push_back(std::move(measured));
+  }
+  return plot;
+}
+
 LinePlot shape_distance_plot(const ReportMechanical& capture) {
   LinePlot plot;
   plot.title = "Distance to the measured shape";

@@ -23,6 +23,23 @@ struct ReportClip {
   std::vector<double> lower, upper;
 };
 
+/// Where a clip is that is pulled with known forces.
+struct ReportLoadedClip {
+  std::string name;
+  std::vector<double> force;  ///< of cords and weight together, N; one a frame
+  /// Way from where it was measured at the first frame, along the largest force, m; one a frame.
+  /// Computed: NaN without equilibrium.
+  std::vector<double> measured, computed;
+  /// Of the computed way, from the uncertainty of the parameters; empty where there is none.
+  std::vector<double> lower, upper;
+};
+
+/// Root mean squares of the differences of loaded clips' poses.
+struct ReportPose {
+  double position = 0;  ///< m
+  double rotation = 0;  ///< rad
+};
+
 /// How often a strain occurs, by area and over all frames.
 struct ReportHistogram {
   std::string name;  ///< "weft stretch"
@@ -80,6 +97,8 @@ struct ReportMechanical {
   double full_distance = 0;  ///< m, at which the colour of `shapes` ends
   std::vector<ReportMechanicalFrame> frames;
   std::vector<ReportClip> clips;
+  std::vector<ReportLoadedClip> loaded;
+  std::optional<ReportPose> pose;  ///< of the loaded clips
   std::vector<ReportHistogram> strains;
   std::vector<ReportShape> shapes;
   std::vector<ReportClampForce> clamps;             ///< of a scan
@@ -129,6 +148,9 @@ struct MechanicalReport {
 /// Force against the way of the clip that moves most, measured as points, computed as a line with
 /// its band; against the frame where none moves. A loop shows as two branches.
 LinePlot force_plot(const ReportMechanical& capture);
+/// Way of the loaded clips against the known force, measured as points, computed as a line with its
+/// band; against the frame where no force changes.
+LinePlot loaded_plot(const ReportMechanical& capture);
 /// Distance to the measured shape by frame, mean and largest, mm.
 LinePlot shape_distance_plot(const ReportMechanical& capture);
 LinePlot strain_plot(const ReportHistogram& histogram);
