@@ -9,7 +9,7 @@ namespace weft::app {
 const std::vector<std::string>& RigArguments::names() {
   static const std::vector<std::string> names{"--tests",         "--steps",          "--loops",
                                               "--largest-force", "--largest-strain", "--cells",
-                                              "--threads"};
+                                              "--threads",       "--known-forces"};
   return names;
 }
 
@@ -23,6 +23,9 @@ void RigArguments::add_to(CLI::App& command) {
                   "with --rig: the first five are for fits, the others for evaluation")
       ->check(CLI::IsMember(tests_))
       ->capture_default_str();
+  command.add_flag("--known-forces", known_forces_,
+                   "with --rig: stretch tests of a bar that cords pull with known forces, whose "
+                   "poses are recorded, in place of one that is moved, whose forces are");
   command
       .add_option("--steps", options_.steps,
                   "with --rig: frames from rest to the largest load, and overhangs of a bend test")
@@ -55,6 +58,7 @@ void RigArguments::run(const Fabric& fabric, const std::string& out, bool with_n
                        std::uint64_t seed, Existing existing) const {
   RigOptions options = options_;
   options.seed = seed;
+  if (known_forces_) options.stretch_drive = StretchDrive::known_forces;
   if (!with_noise) options.noise = {0, 0, 0, 0};
   for (const std::string& test : tests_)
     prepare_output_folder(std::filesystem::path(out) / test, {"capture.toml"}, existing);

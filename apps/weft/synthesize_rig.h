@@ -20,7 +20,7 @@ class RigArguments {
   static const std::vector<std::string>& names();
 
  private:
-  bool wanted_ = false;
+  bool wanted_ = false, known_forces_ = false;
   std::vector<std::string> tests_;
   RigOptions options_;
 };
