@@ -384,5 +384,81 @@ TEST_F(CantileverTest, RefusesWhatIsNoProfile) {
   EXPECT_THAT(refusal(), HasSubstr("in m"));
 }
 
+class OverhangCapture : public ReadMechanical {
+ protected:
+  void SetUp() override {
+    write("capture.toml",
+          "format = \"weft-capture\"\nversion = 1\nkind = \"mechanical\"\ntest = "
+          "\"overhang\"\nspecimen = { width = 0.025, areal_density = 0.15, grain_angle_deg = 90 "
+          "}\n[overhang]\nlengths = [77, 79.5, 78]\nlength_unit = \"mm\"\n");
+    write("readings.csv", "face,overhang\n1,7.7\n2,7.95\n");
+  }
+};
+
+TEST_F(OverhangCapture, IsAStripOverAnEdgeWithAFrameAReading) {
+  const MechanicalCapture capture = read_mechanical_capture(folder_);
+  ASSERT_TRUE(capture.overhang);
+  EXPECT_EQ(capture.frame_count, 3);
+  EXPECT_NEAR(capture.overhang->lengths[1], 0.0795, 1e-15);
+  EXPECT_NEAR(capture.overhang->angle, 41.5 * std::numbers::pi / 180, 1e-15);
+  EXPECT_EQ(capture.gravity, Vec3(0, 0, -9.81));
+  EXPECT_FALSE(capture.geometry);
+  ASSERT_EQ(capture.fixtures.size(), 1u);
+  const Clip& edge = capture.fixtures[0].frames[2];
+  EXPECT_NEAR(capture.width - edge.region.upper.x(), (0.077 + 0.0795 + 0.078) / 3, 1e-15);
+  EXPECT_EQ(capture.height, 0.025);
+  // The edge is where the clip ends, horizontal.
+  EXPECT_LT(edge.place({edge.region.upper.x(), 0.0125}).cwiseProduct(Vec3(1, 0, 1)).norm(), 1e-15);
+}
+
+// Of 77, 79.5 and 78: mean 78.1667, squares 1.3611 + 1.7778 + 0.0278, over 2.
+TEST_F(OverhangCapture, DeviationIsTheScatterOfThreeOrStated) {
+  EXPECT_NEAR(read_mechanical_capture(folder_).overhang->deviation, std::sqrt(3.16667 / 2) * 1e-3,
+              1e-8);
+  replace("capture.toml", "[77, 79.5, 78]", "[77, 77, 77]");
+  EXPECT_NEAR(read_mechanical_capture(folder_).overhang->deviation, 1e-3 / std::sqrt(12), 1e-12);
+  replace("capture.toml", "[77, 77, 77]", "[77, 90]");
+  EXPECT_EQ(read_mechanical_capture(folder_).overhang->deviation, 1e-3);
+  replace("capture.toml", "[77, 90]", "[77, 90]\ndeviation = 2.5");
+  EXPECT_NEAR(read_mechanical_capture(folder_).overhang->deviation, 2.5e-3, 1e-15);
+}
+
+TEST_F(OverhangCapture, TakesTheColumnOfATable) {
+  replace("capture.toml", "lengths = [77, 79.5, 78]\nlength_unit = \"mm\"",
+          "file = \"readings.csv\"\ncolumn = \"overhang\"\nlength_unit = \"cm\"\nangle_deg = 45");
+  const MechanicalCapture capture = read_mechanical_capture(folder_);
+  EXPECT_EQ(capture.frame_count, 2);
+  EXPECT_NEAR(capture.overhang->lengths[1], 0.0795, 1e-15);
+  EXPECT_NEAR(capture.overhang->angle, std::numbers::pi / 4, 1e-15);
+  replace("capture.toml", "length_unit = \"cm\"\n", "");
+  EXPECT_THAT(refusal(), StartsWith("readings.csv:2: overhang: 7.7 is out of range; must be in "
+                                    "[0.001, 1]; is length_unit right?"));
+  replace("capture.toml", "column = \"overhang\"", "column = \"L\"");
+  EXPECT_THAT(refusal(), HasSubstr("no column \"L\""));
+}
+
+TEST_F(OverhangCapture, NamesFileLineAndKey) {
+  EXPECT_THAT(refusal_with("capture.toml", "length_unit = \"mm\"\n", ""),
+              StartsWith("capture.toml:7: overhang.lengths"));
+  EXPECT_THAT(refusal_with("capture.toml", "lengths = [77, 79.5, 78]", "lengths = []"),
+              HasSubstr("overhang.lengths"));
+  EXPECT_THAT(refusal_with("capture.toml", "lengths = [77, 79.5, 78]\n", ""),
+              StartsWith("capture.toml:6: overhang: either lengths or file is needed"));
+  EXPECT_THAT(refusal_with("capture.toml", "lengths = ", "file = \"readings.csv\"\nlengths = "),
+              HasSubstr("either lengths or file is needed"));
+  EXPECT_THAT(refusal_with("capture.toml", "lengths = ", "angle_deg = 80\nlengths = "),
+              StartsWith("capture.toml:7: overhang.angle_deg: 80 is out of range; must be in [1, "
+                         "74]"));
+  EXPECT_THAT(refusal_with("capture.toml", "lengths = ", "deviation = 0\nlengths = "),
+              HasSubstr("overhang.deviation: 0 is out of range"));
+  EXPECT_THAT(refusal_with("capture.toml", "lengths = ", "length = 3\nlengths = "),
+              HasSubstr("overhang.length: unknown key"));
+  EXPECT_THAT(refusal_with("capture.toml", "{ width", "{ free_length = 0.1, width"),
+              HasSubstr("specimen.free_length: unknown key"));
+  const std::string kind = "kind = \"mechanical\"\n";
+  EXPECT_THAT(refusal_with("capture.toml", kind, kind + "clip_noise = 1e-5\n"),
+              StartsWith("capture.toml:4: clip_noise: not valid for an overhang"));
+}
+
 }  // namespace
 }  // namespace weft

@@ -27,7 +27,8 @@ constexpr Range kClipMass{0, 1000};    // kg
 /// Of a strip's length, by which its tip and the clamp's angle may be off.
 constexpr double kStraight = 0.02;
 
-const std::vector<std::string> kTests{"strip", "bias-extension", "picture-frame", "cantilever"};
+const std::vector<std::string> kTests{"strip", "bias-extension", "picture-frame", "cantilever",
+                                      "overhang"};
 /// Names of a unit and what one is in SI; the first is what counts unless stated.
 using Units = std::vector<std::pair<std::string, double>>;
 constexpr double kDegree = std::numbers::pi / 180;
@@ -353,6 +354,10 @@ class MechanicalReader {
       read_cantilever();
       return;
     }
+    if (test == "overhang") {
+      read_overhang();
+      return;
+    }
     if (test == "picture-frame") {
       read_picture_frame();
       return;
@@ -439,6 +444,51 @@ class MechanicalReader {
     take(cantilever_capture(size, degrees * kDegree, profile.at.col(0)));
     sources_.assign(1, {table.where("file"), table.where("file")});
     capture_.geometry = GeometryFiles{file.path(), file.path()};
+  }
+
+  /// A strip that is pushed over an edge: what is read is how far it overhangs.
+  void read_overhang() {
+    if (file_.has("clip_noise"))
+      throw error_at(file_.where("clip_noise"),
+                     "not valid for an overhang; overhang.deviation is the noise of a reading");
+    const Specimen size = read_specimen(file_.table("specimen"), 0, 0);
+    const TomlTable table = file_.table("overhang");
+    OverhangTest test;
+    const double unit = length_factor(table, "length_unit");
+    test.lengths = overhang_readings(table, unit) * unit;
+    test.angle =
+        table.optional_number("angle_deg", kOverhangAngle).value_or(test.angle / kDegree) * kDegree;
+    const Range valid{kOverhangDeviation.lower / unit, kOverhangDeviation.upper / unit};
+    const auto deviation = table.optional_number("deviation", valid);
+    test.deviation = deviation ? *deviation * unit : overhang_deviation(test.lengths);
+    table.finish();
+    take(overhang_capture(size, std::move(test)));
+    sources_.assign(1, {table.where(), table.where()});
+  }
+
+  /// In the table's unit of `unit` m.
+  VecX overhang_readings(const TomlTable& table, double unit) {
+    if (table.has("lengths") == table.has("file"))
+      throw error_at(table.where(), "either lengths or file is needed");
+    const Range valid{kOverhang.lower / unit, kOverhang.upper / unit};
+    if (table.has("lengths")) {
+      const std::vector<double> lengths =
+          table.numbers("lengths", table.array_size("lengths", 1, kMostOverhangs), valid);
+      return VecX::Map(lengths.data(), static_cast<Eigen::Index>(lengths.size()));
+    }
+    const TableFile& file = table_file(table, "file");
+    const VecX lengths = curve_column(table, "column", file);
+    check_has_rows(file);
+    if (lengths.size() > kMostOverhangs)
+      throw error_at({file.path(), 0, {}}, fmt::format("{} readings; at most {} are valid",
+                                                       lengths.size(), kMostOverhangs));
+    for (Eigen::Index i = 0; i < lengths.size(); ++i)
+      if (!(lengths[i] >= valid.lower && lengths[i] <= valid.upper))
+        throw file.fail(static_cast<std::size_t>(i), table.string("column"),
+                        fmt::format("{:g} is out of range; must be in [{:g}, {:g}]; is length_unit "
+                                    "right?",
+                                    lengths[i], valid.lower, valid.upper));
+    return lengths;
   }
 
   /// `grain_angle`: degrees, where the table states none.

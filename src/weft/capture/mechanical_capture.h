@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "weft/capture/overhang.h"
 #include "weft/capture/picture_frame.h"
 #include "weft/dynamics/loaded_clips.h"
 
@@ -75,6 +76,9 @@ struct MechanicalCapture {
   /// rigid then but evenly sheared (frame_threads), about the clip's position. Its force is that of
   /// the crosshead, along x.
   std::optional<PictureFrame> picture_frame;
+  /// Of an overhang test, which has one fixture, whose clip ends at the edge: all frames are the
+  /// strip as it overhangs by the mean of what was read, along x, under gravity along -z.
+  std::optional<OverhangTest> overhang;
   std::optional<GeometryFiles> geometry;
   /// Notes on the true parameters; nothing here reads them.
   std::optional<std::filesystem::path> truth;

@@ -144,6 +144,7 @@ void check(const std::filesystem::path& folder, const MechanicalCapture& capture
            const MechanicalFiles& files) {
   const auto refuse = [&](const std::string& what) { throw error_at({folder, 0, {}}, what); };
   if (capture.picture_frame) refuse("a picture frame has no general form to write");
+  if (capture.overhang) refuse("an overhang test has no general form to write");
   for (const MechanicalFixture& fixture : capture.fixtures) {
     if (fixture.frames.size() != at(capture.frame_count))
       refuse(fmt::format("fixture \"{}\" has {} frames; the capture has {}", fixture.name,

@@ -101,6 +101,18 @@ MeasuredGeometry cantilever_geometry(const MechanicalCapture& capture, const Vec
   return geometry;
 }
 
+MechanicalCapture overhang_capture(const Specimen& specimen, OverhangTest test) {
+  Specimen strip = specimen;
+  strip.free_length = test.lengths.mean();
+  MechanicalCapture capture = cantilever_capture(strip, 0, Vec2::Zero());
+  capture.frame_count = static_cast<int>(test.lengths.size());
+  MechanicalFixture& edge = capture.fixtures.front();
+  edge.name = "edge";
+  edge.frames.assign(static_cast<std::size_t>(test.lengths.size()), Clip(edge.frames.front()));
+  capture.overhang = std::move(test);
+  return capture;
+}
+
 double unit_factor(const TomlTable& table, std::string_view key,
                    const std::vector<std::pair<std::string, double>>& units) {
   std::vector<std::string> names;

@@ -7,8 +7,12 @@
 namespace weft {
 
 // Valid ranges of their keys.
-inline constexpr Range kGrainAngle{-360, 360};  // degrees
-inline constexpr Range kClampAngle{-80, 80};    // degrees
+inline constexpr Range kGrainAngle{-360, 360};         // degrees
+inline constexpr Range kClampAngle{-80, 80};           // degrees
+inline constexpr Range kOverhang{1e-3, 1};             // m
+inline constexpr Range kOverhangAngle{1, 74};          // degrees
+inline constexpr Range kOverhangDeviation{1e-6, 0.1};  // m
+inline constexpr int kMostOverhangs = 1000;            // readings
 inline constexpr Range kClipNoise{0, most_clip_noise};
 inline constexpr int kLeastProfile = 8;  // points
 /// Clips further apart than this many times their distance on the undeformed swatch are a mistake,
@@ -41,6 +45,10 @@ MechanicalCapture cantilever_capture(const Specimen& specimen, double clamp_angl
 /// z), m, at the arc lengths `arc`, m from the clamp, increasing.
 MeasuredGeometry cantilever_geometry(const MechanicalCapture& capture, const VecX& arc,
                                      const MaterialPoints& line);
+
+/// A strip that overhangs a horizontal edge by the mean of what was read, under gravity. The
+/// specimen's free length is not read.
+MechanicalCapture overhang_capture(const Specimen& specimen, OverhangTest test);
 
 /// Factor to SI from the unit that `key` of `table` names, the first of `units` where it is left
 /// out. Throws Error for one that is not among them.
