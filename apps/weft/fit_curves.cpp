@@ -40,10 +40,12 @@ bool uses(std::string_view component, IsolatedStrain strain, ThreadSymmetry symm
   using enum IsolatedStrain;
   const bool stretch = strain == weft_stretch || strain == warp_stretch;
   const bool bend = strain == weft_bend || strain == warp_bend;
+  const bool any_bend = bend || strain == diagonal_bend;
   const bool both = symmetry == ThreadSymmetry::isotropic;
   if (component == "all") return true;
   if (component == "coupling" || (both && component == "weft stretch")) return stretch;
-  if (component == "diagonal bend" || (both && component == "weft bend")) return bend;
+  if (component == "diagonal bend") return any_bend;
+  if (both && component == "weft bend") return bend;
   return component == name_of(strain);
 }
 

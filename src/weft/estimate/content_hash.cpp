@@ -173,6 +173,11 @@ void add_trial(ContentHash& hash, const MechanicalTrial& trial) {
     hash.add(capture.picture_frame->side);
     hash.add(capture.picture_frame->shear);
   }
+  if (capture.overhang) {
+    hash.add(capture.overhang->lengths);
+    hash.add(capture.overhang->angle);
+    hash.add(capture.overhang->deviation);
+  }
   hash.add(capture.fixtures.size());
   for (const MechanicalFixture& fixture : capture.fixtures) {
     for (const Clip& clip : fixture.frames) {

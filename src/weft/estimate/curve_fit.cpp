@@ -25,6 +25,8 @@ constexpr double kNoWeight = 1e-9;  // of a control value in a band
 constexpr double kBeyond = 1.1;     // of a curve's last knot: strains beyond it count
 /// Bends that were found after the shear have changed the least of its cost by this part of it.
 constexpr double kBendsMatter = 0.05;
+/// Tangent of 22.5 degrees: directions further from both threads are nearer to their diagonal.
+constexpr double kDiagonal = 0.41421356237309503;
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 using Tests = std::vector<IsolatedStrain>;
@@ -52,7 +54,7 @@ const std::vector<StepInfo>& steps() {
       {Step::diagonal,
        "diagonal_bend",
        {"diagonal_bend", "bend_twist", "bend_uv"},
-       {weft_bend, warp_bend}}};
+       {weft_bend, warp_bend, diagonal_bend}}};
   return list;
 }
 
@@ -598,7 +600,8 @@ class CurveFitter {
     const auto curves = std::count_if(group.rows.begin(), group.rows.end(),
                                       [&](const auto& row) { return may_be_curve(fabric_, row); });
     const auto n = static_cast<double>(residuals);
-    const double schwarz = static_cast<double>(curves) * std::log(n) / n;
+    // A single number, as an overhang is, cannot ask for a second control point.
+    const double schwarz = static_cast<double>(curves) * std::log(std::max(n, 2.0)) / n;
     return before - after >= std::max(options_.least_reduction * before, schwarz);
   }
 
@@ -757,8 +760,8 @@ FitOrder fit_order_from_name(std::string_view name) {
 }
 
 std::string_view name_of(IsolatedStrain strain) {
-  constexpr std::array<std::string_view, 5> kNames{"weft stretch", "warp stretch", "shear",
-                                                   "weft bend", "warp bend"};
+  constexpr std::array<std::string_view, 6> kNames{"weft stretch", "warp stretch", "shear",
+                                                   "weft bend",    "warp bend",    "diagonal bend"};
   return kNames[static_cast<std::size_t>(strain)];
 }
 
@@ -767,8 +770,10 @@ IsolatedStrain isolated_strain(const MechanicalCapture& capture) {
     const Vec2 direction = Eigen::Rotation2Dd(-capture.grain_angle) *
                            overhang_direction(capture.fixtures[0].frames.back().region,
                                               Vec2(capture.width, capture.height));
-    return std::abs(direction.x()) >= std::abs(direction.y()) ? IsolatedStrain::weft_bend
-                                                              : IsolatedStrain::warp_bend;
+    const double along = std::abs(direction.x()), across = std::abs(direction.y());
+    if (std::min(along, across) > kDiagonal * std::max(along, across))
+      return IsolatedStrain::diagonal_bend;
+    return along >= across ? IsolatedStrain::weft_bend : IsolatedStrain::warp_bend;
   }
   Vec3 most = Vec3::Zero();
   for (int frame = 0; frame < capture.frame_count; ++frame)

@@ -14,7 +14,8 @@ namespace weft {
 enum class FitOrder {
   joint,  ///< all parameters to all captures at once
   /// Weft and warp stretch, then shear (by the forces along the clips), then weft and warp bend,
-  /// then the diagonal bend, each from the captures that isolate it; then once more. The diagonal
+  /// each from the captures that isolate it, then the diagonal bend from those of all bends; then
+  /// once more. The diagonal
   /// bend begins in the proportion to the other two that it has in the start. Where threads are
   /// stretched by a tenth more in the shear than in their own tests, curves that are subdivided get
   /// a control point there, which is found with the shear, from all components of its forces, and
@@ -37,12 +38,19 @@ enum class ThreadSymmetry {
 };
 
 /// The strain that a test exercises most.
-enum class IsolatedStrain { weft_stretch, warp_stretch, shear, weft_bend, warp_bend };
+enum class IsolatedStrain {
+  weft_stretch,
+  warp_stretch,
+  shear,
+  weft_bend,
+  warp_bend,
+  diagonal_bend
+};
 std::string_view name_of(IsolatedStrain strain);
-/// By the motion of the clips alone. A single clip: a bend along the threads nearest to the
-/// direction in which most free cloth lies. Otherwise the largest component, over all frames, of
-/// the Green strain (twice its off-diagonal) of the affine map nearest to the clips' corners, or of
-/// that of a picture frame.
+/// By the motion of the clips alone. A single clip: a bend along the threads, or the diagonal,
+/// nearest to the direction in which most free cloth lies. Otherwise the largest component, over
+/// all frames, of the Green strain (twice its off-diagonal) of the affine map nearest to the clips'
+/// corners, or of that of a picture frame.
 IsolatedStrain isolated_strain(const MechanicalCapture& capture);
 
 struct CurveFitOptions {

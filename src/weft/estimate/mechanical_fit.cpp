@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "weft/base/error.h"
+#include "weft/estimate/computed_overhang.h"
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/packed_numbers.h"
@@ -79,6 +80,7 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
   add_ties();
   for (const auto& trial : trials_) {
     std::size_t count = pose_residual_count(trial->capture);
+    if (trial->capture.overhang) count += at(trial->capture.overhang->lengths.size());
     if (uses_forces(*trial)) count += force_count(*trial);
     if (uses_points(*trial))
       for (const int stage : trial->stage_of_frame)
@@ -210,10 +212,12 @@ std::string MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivative
     reason = error.what();  // of values that the model refuses
   }
   for (std::size_t t = 0; reason.empty() && t < frames.size(); ++t)
-    for (const MechanicalFrame& frame : frames[t])
+    for (const MechanicalFrame& frame : frames[t]) {
       if (!(frame.residual <= options_.largest_residual) && reason.empty())
         reason = fmt::format("{}: no equilibrium at frame {}: a net force of {:.2g} N is left",
                              trials_[t]->capture.name, frame.frame, frame.residual);
+      if (reason.empty()) reason = overhang_problem(*trials_[t], frame);
+    }
   if (reason.empty()) return {};
   frames.clear();
   return from ? simulate(scaled, derivatives, nullptr, frames) : reason;
@@ -350,6 +354,13 @@ void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
         ++count;
       }
     }
+  }
+  if (trial.capture.overhang) {
+    r.values[count] = overhang_residual(*trial.capture.overhang, frame);
+    if (slopes)
+      r.jacobian.row(count) =
+          frame.overhang_derivative.transpose() / trial.capture.overhang->deviation;
+    ++count;
   }
   r.values.conservativeResize(count);
   r.ways.conservativeResize(count);

@@ -91,7 +91,8 @@ class MechanicalShapes {
   std::shared_ptr<const Source> source_;
 };
 
-/// Sum over frames of squared differences, each divided by its noise; the cost is its mean over the
+/// Sum over frames of squared differences, each divided by its noise (of readings of an overhang,
+/// the deviation that the capture states); the cost is its mean over the
 /// compared numbers (1 for a model that lacks nothing and noise as stated).
 ///
 /// Where captures state a noise of their clips, differences of forces and of loaded clips are

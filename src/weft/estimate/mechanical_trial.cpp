@@ -7,6 +7,7 @@
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/estimate/computed_overhang.h"
 #include "weft/mesh/grid_lines.h"
 
 namespace weft {
@@ -157,8 +158,10 @@ std::vector<Chain> chains_of(const std::vector<std::shared_ptr<const MechanicalT
   std::vector<Chain> chains;
   for (std::size_t t = 0; t < trials.size(); ++t) {
     for (int frame = 0; frame < trials[t]->capture.frame_count; ++frame) {
-      // A shape to start from makes frames independent of each other.
-      const bool alone = memory == Memory::none && (trials[t]->geometry || near);
+      // A shape to start from makes frames independent of each other; those of an overhang test are
+      // one.
+      const bool alone =
+          memory == Memory::none && (trials[t]->geometry || near) && !trials[t]->capture.overhang;
       if (frame == 0 || alone) chains.push_back({t, {}});
       chains.back().frames.push_back(frame);
     }
@@ -518,10 +521,16 @@ MechanicalFrames simulate_mechanical(
     for (const int frame : chains[i].frames) {
       const std::size_t t = chains[i].trial;
       MechanicalFrame& result = results[t][at(frame)];
+      if (trials[t]->capture.overhang && before) {
+        result = *before;
+        result.frame = frame;
+        continue;
+      }
       const MechanicalFrame* known = near ? &(*near)[t][at(frame)] : nullptr;
       FrameStart start = known ? FrameStart{known->x, {}} : start_of(*trials[t], frame, before);
       if (known && known->converged) start.kind = StaticOptions::Start::near_equilibrium;
       result = simulate_frame(*trials[t], frame, models[t], derivatives, std::move(start), history);
+      if (trials[t]->capture.overhang) add_overhang(*trials[t], fabric, derivatives, result);
       before = &result;
     }
   });
@@ -557,8 +566,13 @@ MechanicalEvaluation compare_mechanical(const MechanicalTrial& trial,
     evaluation.frames.push_back({frame.frame, frame.converged, frame.residual, sums.force_rms(),
                                  sums.force_max, sums.forces, sums.distance(), sums.points,
                                  sums.pose()});
+    if (trial.capture.overhang)
+      evaluation.frames.back().overhang =
+          frame.overhang - trial.capture.overhang->lengths[frame.frame];
     if (!frame.converged) ++evaluation.not_converged;
   }
+  if (trial.capture.overhang)
+    evaluation.overhang = overhang_difference(*trial.capture.overhang, frames);
   evaluation.largest_force = largest_measured_force(trial.capture);
   evaluation.force_rms = all.force_rms();
   if (evaluation.largest_force > 0)

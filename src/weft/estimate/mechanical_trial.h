@@ -1,6 +1,7 @@
 #pragma once
 /// A mechanical capture made ready to be computed: meshes whose grid lines lie on the clips'
 /// borders, the clips at each frame, and where the measured points lie on the mesh.
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -79,7 +80,11 @@ struct MechanicalFrame {
   /// Of loaded clips, zero for others, moves (clip_poses.h): 6 fixtures x parameters, and by the
   /// poses of held clips 6 fixtures x 6 fixtures; empty if not asked for, and without loaded clips.
   MatX clip_derivative, clips_by_poses;
-  bool inexact = false;  ///< derivatives of a matrix that had to be made positive definite
+  /// m, of an overhang test: where the strip reaches its angle (computed_overhang.h). No number for
+  /// other tests, and where there is none.
+  double overhang = std::numeric_limits<double>::quiet_NaN();
+  VecX overhang_derivative;  ///< by the parameters; empty if not asked for
+  bool inexact = false;      ///< derivatives of a matrix that had to be made positive definite
 };
 
 /// All: by the parameters. Poses: of the forces and of loaded clips, by the poses of the clips.
@@ -100,6 +105,9 @@ using MechanicalFrames = std::vector<std::vector<MechanicalFrame>>;
 /// are at rest on any mesh: flat, as threads are that the clamps keep taut. Other equilibria, those
 /// with wrinkles, are not looked for. The force is the derivative of the energy by the way of the
 /// crosshead.
+///
+/// The frames of an overhang test, one a reading, are the same: the strip at the mean of what was
+/// read, and the overhang at which it reaches the angle of the test.
 ///
 /// Results do not depend on the number of threads. Throws Error where the model refuses the values.
 MechanicalFrames simulate_mechanical(
@@ -131,6 +139,14 @@ struct MechanicalDifference {
   SurfaceDistance distance;  ///< m, over the measured points outside the clips
   int point_count = 0;       ///< of these
   PoseDistance pose;
+  /// m, of an overhang test: computed less this reading; no number for other tests.
+  double overhang = std::numeric_limits<double>::quiet_NaN();
+};
+/// How far the computed overhang is from the readings of a test.
+struct OverhangDifference {
+  double measured = 0;  ///< m, mean of the readings
+  double computed = 0;  ///< m; no number without one
+  double rms = 0;       ///< m, of computed less measured over the readings
 };
 struct MechanicalEvaluation {
   std::vector<MechanicalDifference> frames;
@@ -140,8 +156,9 @@ struct MechanicalEvaluation {
   int force_count = 0;
   SurfaceDistance distance;  ///< over all frames: mean of all, root of mean square, largest
   int point_count = 0;
-  PoseDistance pose;      ///< over all frames
-  int not_converged = 0;  ///< frames
+  PoseDistance pose;                           ///< over all frames
+  std::optional<OverhangDifference> overhang;  ///< of an overhang test
+  int not_converged = 0;                       ///< frames
 };
 MechanicalEvaluation compare_mechanical(const MechanicalTrial& trial,
                                         const std::vector<MechanicalFrame>& frames);
