@@ -8,7 +8,9 @@
 #include "commands.h"
 #include "mechanical.h"
 #include "options.h"
+#include "report_of_mechanical.h"
 #include "scan.h"
+#include "weft/base/error.h"
 #include "weft/capture/capture.h"
 #include "weft/estimate/evaluate_capture.h"
 
@@ -18,6 +20,7 @@ namespace {
 struct Arguments {
   std::string capture;
   std::string fabric;
+  std::string strip;
   bool json = false;
   TrialArguments trial;
   MechanicalArguments mechanical;
@@ -72,9 +75,16 @@ void run_mechanical(const Arguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   const auto trial = prepare_mechanical(read_mechanical_capture(arguments.capture),
                                         arguments.mechanical.options());
+  if (!arguments.strip.empty()) {
+    if (!trial->capture.overhang)
+      throw Error(fmt::format("--strip: capture \"{}\" is no overhang test", trial->capture.name));
+    check_output_file(arguments.strip);
+  }
   const auto frames =
       simulate_mechanical({trial}, fabric, MechanicalDerivatives::none, arguments.trial.threads());
   const MechanicalEvaluation evaluation = compare_mechanical(*trial, frames.front());
+  if (!arguments.strip.empty())
+    write_plot(arguments.strip, overhang_plot(report_of_overhang(*trial, frames.front().front())));
   if (arguments.json)
     fmt::print("{}\n", mechanical_json(evaluation).dump(2));
   else
@@ -106,6 +116,9 @@ void add_evaluate(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
+  command->add_option("--strip", arguments->strip,
+                      "of an overhang test: picture of the computed strip and the inclined plane, "
+                      ".svg, with its numbers as .csv beside it");
   command->add_flag("--json", arguments->json, "print one JSON object");
   arguments->trial.add_to(*command);
   arguments->mechanical.add_to(*command);
@@ -114,6 +127,8 @@ void add_evaluate(CLI::App& app) {
       "Example:\n  weft evaluate data/captures/cotton_waving_A --fabric out/fabric.toml --json");
   command->callback([arguments, command] {
     const CaptureKind kind = capture_kind(arguments->capture);
+    if (kind != CaptureKind::mechanical)
+      refuse_options(*command, {"--strip"}, "anything but an overhang test");
     if (kind == CaptureKind::scan) {
       refuse_options(*command, video_option_names(), "a scan");
       evaluate_scan(arguments->capture, arguments->fabric,

@@ -103,7 +103,8 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
   report.error_initial = fit.cost_start;
   report.error = fit.cost;
   report.error_meaning =
-      "mean of squared differences of force components and coordinates, each divided by its noise";
+      "mean of squared differences of force components, coordinates and overhangs, each divided by "
+      "its noise";
   report.evaluations = fit.evaluations;
   report.wall_s = fit.wall_s;
   report.settings = {

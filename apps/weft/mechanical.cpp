@@ -52,6 +52,26 @@ void print_fixture(const MechanicalFixture& fixture) {
 
 }  // namespace
 
+namespace {
+
+void print_overhang(const OverhangTest& test) {
+  fmt::print(
+      "overhang    {} reading{}, {:.4g} to {:.4g} m, mean {:.4g} m, at {:.4g} degrees below the "
+      "horizontal; standard deviation of one {:.2g} m\n",
+      test.lengths.size(), test.lengths.size() == 1 ? "" : "s", test.lengths.minCoeff(),
+      test.lengths.maxCoeff(), test.lengths.mean(), test.angle * 180 / std::numbers::pi,
+      test.deviation);
+}
+
+nlohmann::json overhang_json(const OverhangDifference& overhang) {
+  return {{"measured", overhang.measured},
+          {"computed", json_number(overhang.computed)},
+          {"difference", json_number(overhang.computed - overhang.measured)},
+          {"rms", json_number(overhang.rms)}};
+}
+
+}  // namespace
+
 std::shared_ptr<MechanicalStore> open_mechanical_store(const std::filesystem::path& out,
                                                        const std::string& fingerprint) {
   return std::make_shared<MechanicalStore>(out / kMechanicalStoreName,
@@ -111,6 +131,7 @@ void check_mechanical(const std::string& folder) {
     fmt::print("bars        {:g} m, hinged; shear from {:.4g} to {:.4g} degrees\n", bars->side,
                bars->shear.minCoeff() * 180 / std::numbers::pi,
                bars->shear.maxCoeff() * 180 / std::numbers::pi);
+  if (capture.overhang) print_overhang(*capture.overhang);
   for (const MechanicalFixture& fixture : capture.fixtures) print_fixture(fixture);
   if (capture.geometry) {
     fmt::print("shape       {} points\n", read_geometry(capture).mesh.vertex_count());
@@ -129,12 +150,14 @@ nlohmann::json mechanical_json(const MechanicalEvaluation& evaluation) {
                              {"net_force", json_number(frame.residual)}};
     add_differences(object, frame.force_count, frame.force_rms, frame.point_count, frame.distance,
                     frame.pose);
+    if (evaluation.overhang) object["overhang_difference"] = json_number(frame.overhang);
     frames.push_back(object);
   }
   nlohmann::json object = {
       {"kind", "mechanical"}, {"frames", frames}, {"not_converged", evaluation.not_converged}};
   add_differences(object, evaluation.force_count, evaluation.force_rms, evaluation.point_count,
                   evaluation.distance, evaluation.pose);
+  if (evaluation.overhang) object["overhang"] = overhang_json(*evaluation.overhang);
   if (evaluation.force_count > 0) {
     object["force_relative"] = json_number(evaluation.force_relative);
     object["force_largest"] = json_number(evaluation.largest_force);
@@ -155,6 +178,14 @@ std::string summary(const MechanicalEvaluation& evaluation) {
   if (evaluation.pose.count > 0)
     text += fmt::format("{}pose {:.4f} mm, {:.3f} mrad rms", text.empty() ? "" : "; ",
                         1e3 * evaluation.pose.position_rms, 1e3 * evaluation.pose.rotation_rms);
+  if (const auto& overhang = evaluation.overhang)
+    text +=
+        std::isfinite(overhang->computed)
+            ? fmt::format("{}overhang {:.2f} mm, measured {:.2f} mm, difference {:.2f} mm",
+                          text.empty() ? "" : "; ", 1e3 * overhang->computed,
+                          1e3 * overhang->measured, 1e3 * (overhang->computed - overhang->measured))
+            : fmt::format("{}no overhang at the angle, measured {:.2f} mm",
+                          text.empty() ? "" : "; ", 1e3 * overhang->measured);
   return text.empty() ? "nothing was measured" : text;
 }
 

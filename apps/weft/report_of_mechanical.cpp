@@ -10,6 +10,7 @@
 #include <set>
 
 #include "mechanical.h"
+#include "weft/estimate/computed_overhang.h"
 #include "weft/estimate/mechanical_strains.h"
 
 namespace weft::app {
@@ -243,6 +244,17 @@ void add_shapes(const MechanicalTrial& trial, const std::vector<MechanicalFrame>
   }
 }
 
+ReportOverhang report_overhang(const MechanicalTrial& trial, const MechanicalFrame& frame,
+                               const Spread& spread) {
+  ReportOverhang report = report_of_overhang(trial, frame);
+  if (spread.known() && frame.overhang_derivative.size() > 0) {
+    const double half = spread(frame.overhang_derivative);
+    report.lower = frame.overhang - half;
+    report.upper = frame.overhang + half;
+  }
+  return report;
+}
+
 ReportMechanical report_capture(const MechanicalTrial& trial,
                                 const std::vector<MechanicalFrame>& frames,
                                 const MechanicalEvaluation& evaluation,
@@ -281,6 +293,7 @@ ReportMechanical report_capture(const MechanicalTrial& trial,
     if (!histogram.share.empty()) report.strains.push_back(std::move(histogram));
   }
   add_shapes(trial, frames, report);
+  if (capture.overhang) report.overhang = report_overhang(trial, frames.front(), spread);
   return report;
 }
 
@@ -353,6 +366,7 @@ ReportResponse report_response(const Fabric& fabric, MaterialTest test, double l
 constexpr double kMuchError = 10;
 constexpr double kMuchForce = 0.03;       // of the largest
 constexpr double kMuchDistance = 5;       // times the noise of a point
+constexpr double kMuchOverhang = 3;       // times the deviation of a reading
 constexpr double kMuchOffset = 0.05;      // of the largest force
 constexpr double kNotDisplaced = 1e-3;    // of the largest displacement
 constexpr double kLeastDisplaced = 1e-3;  // of the distance of the clips, or rad
@@ -366,7 +380,9 @@ std::string mismatch(const MechanicalCapture& capture, const MechanicalEvaluatio
   const bool force = evaluation.force_relative > kMuchForce,
              shape = evaluation.point_count > 0 &&
                      evaluation.distance.rms > kMuchDistance * point_noise;
-  if (!force && !shape && !pose) return {};
+  const bool overhang = capture.overhang &&
+                        !(evaluation.overhang->rms <= kMuchOverhang * capture.overhang->deviation);
+  if (!force && !shape && !pose && !overhang) return {};
   return "the model does not explain it: " + summary(evaluation) + ".";
 }
 
@@ -448,6 +464,16 @@ void add_band(const std::vector<double>& lower, const std::vector<double>& upper
 
 }  // namespace
 
+ReportOverhang report_of_overhang(const MechanicalTrial& trial, const MechanicalFrame& frame) {
+  const OverhangTest& test = *trial.capture.overhang;
+  ReportOverhang report{test.angle, test.deviation, {}, frame.overhang, {}, {}, {}, {}};
+  report.measured.assign(test.lengths.begin(), test.lengths.end());
+  const MaterialPoints line = middle_line(trial.capture, trial.stages.front().mesh, frame.x);
+  report.x.assign(line.row(0).begin(), line.row(0).end());
+  report.z.assign(line.row(1).begin(), line.row(1).end());
+  return report;
+}
+
 MechanicalReport report_of_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
     const std::vector<std::vector<MechanicalFrame>>& frames,
@@ -524,6 +550,12 @@ void add_series(const ReportMechanical& capture, nlohmann::json& entry) {
       loaded.push_back(object);
     }
     entry["loaded_clips"] = loaded;
+  }
+  if (const auto& overhang = capture.overhang) {
+    entry["overhang"]["lower"] = overhang->lower ? json_number(*overhang->lower) : nullptr;
+    entry["overhang"]["upper"] = overhang->upper ? json_number(*overhang->upper) : nullptr;
+    entry["overhang"]["x"] = rounded(overhang->x);
+    entry["overhang"]["z"] = rounded(overhang->z);
   }
   nlohmann::json strains = nlohmann::json::array();
   for (const ReportHistogram& histogram : capture.strains)

@@ -7,6 +7,7 @@
 
 #include "apps/program.h"
 #include "apps/store.h"
+#include "weft/estimate/cantilever.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/report/result.h"
 
@@ -444,6 +445,48 @@ TEST_F(Mechanical, FitsAPictureFrame) {
   EXPECT_NEAR(result["mesh_shift"]["membrane_shear"].get<double>(), 0, 1e-6);
   // Force against the way of the crosshead.
   EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("Force of the clips"));
+}
+
+TEST_F(Mechanical, FitsOverhangsBesideAStrip) {
+  write("overhang/capture.toml",
+        "format = \"weft-capture\"\nversion = 1\nkind = \"mechanical\"\ntest = \"overhang\"\n"
+        "specimen = { width = 0.02, areal_density = 0.2 }\n"
+        "[overhang]\nlengths = [43, 44.5, 43.5]\nlength_unit = \"mm\"\n");
+  const Outcome checked = weft({"check", path("overhang")});
+  EXPECT_EQ(checked.status, 0) << checked.err;
+  EXPECT_THAT(checked.out,
+              HasSubstr("overhang    3 readings, 0.043 to 0.0445 m, mean 0.04367 m, at "
+                        "41.5 degrees below the horizontal; standard deviation of one "
+                        "0.00076 m"));
+  const Outcome outcome = weft({"fit", path("strip"), path("overhang"), "--out", path("out"),
+                                "--cells", "3", "--parameters", "membrane_uu", "bend_uu"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  EXPECT_NEAR(result["parameters"]["membrane_uu"]["value"], kStiffness + 5, 5);
+  // The elastica's, of 3 cells across; the default bend_uv is a hundredth of bend_uu.
+  const double rigidity = rigidity_of_overhang(0.2 * 9.81, 0.131 / 3);
+  EXPECT_NEAR(result["parameters"]["bend_uu"]["value"], rigidity, 0.1 * rigidity);
+  const json& overhang = result["mechanical"][1]["overhang"];
+  EXPECT_NEAR(overhang["measured"], 0.131 / 3, 1e-9);
+  EXPECT_NEAR(overhang["computed"], 0.131 / 3, 1e-6);
+  EXPECT_LT(overhang["lower"], overhang["computed"]);
+  EXPECT_GT(overhang["upper"], overhang["computed"]);
+  EXPECT_EQ(overhang["x"].size(), overhang["z"].size());
+  EXPECT_EQ(result["mechanical"][1]["frames"].size(), 3u);
+  EXPECT_FALSE(result["mechanical"][0].contains("overhang"));
+  const std::string page = text_of(folder_ / "out/report.html");
+  for (const char* text : {"Overhangs", "3 readings of an overhang", "inclined plane, 41.5°"})
+    EXPECT_THAT(page, HasSubstr(text));
+
+  const Outcome evaluated = weft({"evaluate", path("overhang"), "--fabric", path("out/fabric.toml"),
+                                  "--cells", "3", "--json", "--strip", path("strip.svg")});
+  ASSERT_EQ(evaluated.status, 0) << evaluated.err;
+  EXPECT_NEAR(json::parse(evaluated.out)["overhang"]["difference"].get<double>(), 0, 1e-6);
+  EXPECT_THAT(text_of(folder_ / "strip.svg"), HasSubstr("computed strip"));
+  EXPECT_THAT(text_of(folder_ / "strip.csv"), HasSubstr("computed strip,"));
+  EXPECT_THAT(refusal({"evaluate", path("strip"), "--fabric", path("out/fabric.toml"), "--strip",
+                       path("strip.svg")}),
+              HasSubstr("--strip: capture \"strip\" is no overhang test"));
 }
 
 TEST_F(Mechanical, RefusesWhatCannotBeMeant) {

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
+#include <string>
+
 #include "weft/report/report_html.h"
 
 namespace weft {
@@ -69,6 +72,55 @@ TEST(LoadedPlot, RunsAlongTheKnownForce) {
   plot = loaded_plot(capture);
   EXPECT_EQ(plot.x.label, "frame");
   EXPECT_EQ(plot.series[0].x, (std::vector<double>{0, 1, 2}));
+}
+
+/// The number of an attribute of the picture's root.
+double attribute(const std::string& svg, const std::string& name) {
+  const auto begin = svg.find(name + "=\"") + name.size() + 2;
+  return std::stod(svg.substr(begin, svg.find('"', begin) - begin));
+}
+
+TEST(OverhangPlot, ShowsStripAndPlaneInOneScale) {
+  ReportOverhang overhang;
+  overhang.angle = 0.75;
+  overhang.measured = {0.05, 0.06};
+  overhang.x = {0, 0.03, 0.042};
+  overhang.z = {0, -0.01, -0.035};
+  const LinePlot plot = overhang_plot(overhang);
+  EXPECT_EQ(plot.title, "The strip at the mean of what was read, 55 mm");
+  ASSERT_EQ(plot.series.size(), 2u);
+  EXPECT_NEAR(plot.series[0].x[2], 42, 1e-12);
+  EXPECT_NEAR(plot.series[0].y[2], -35, 1e-12);
+  // From the edge on, and beyond the tip.
+  const std::vector<double>&x = plot.series[1].x, &y = plot.series[1].y;
+  EXPECT_EQ(x[0], 0);
+  EXPECT_EQ(y[0], 0);
+  EXPECT_GT(x[1], 42);
+  EXPECT_NEAR(std::atan2(-y[1], x[1]), 0.75, 1e-12);
+  for (const int width : {700, 570}) {
+    const LinePlot sized = overhang_plot(overhang, width);
+    const std::string svg = to_svg(sized);
+    const double across = attribute(svg, "data-right") - attribute(svg, "data-left"),
+                 down = attribute(svg, "data-bottom") - attribute(svg, "data-top");
+    EXPECT_NEAR(across / (*sized.x.upper - *sized.x.lower),
+                down / (*sized.y.upper - *sized.y.lower),
+                0.03 * down / (*sized.y.upper - *sized.y.lower));
+  }
+}
+
+TEST(MechanicalPage, ShowsOverhangs) {
+  MechanicalReport report;
+  report.captures = {stretch()};
+  ReportOverhang overhang{0.75, 1e-3, {0.05, 0.06}, 0.054, 0.052, 0.056, {0, 0.04}, {0, -0.03}};
+  report.captures[0].overhang = overhang;
+  const std::string page = report_to_html(Report(), {}, report);
+  for (const char* text :
+       {"<h3>Overhangs</h3>", "2 readings of an overhang", "52.0 mm to 56.0 mm", "computed strip"})
+    EXPECT_THAT(page, HasSubstr(text));
+  report.captures[0].overhang->computed = std::nan("");
+  EXPECT_THAT(report_to_html(Report(), {}, report), HasSubstr(">none<"));
+  report.captures[0].overhang.reset();
+  EXPECT_THAT(report_to_html(Report(), {}, report), Not(HasSubstr("Overhangs")));
 }
 
 TEST(StrainPlot, IsAStaircaseInPercent) {

@@ -104,6 +104,32 @@ std::string table_of_clamps(const MechanicalReport& report) {
          "</tbody></table>\n";
 }
 
+std::string table_of_overhangs(const MechanicalReport& report) {
+  std::string rows;
+  for (const ReportMechanical& c : report.captures) {
+    if (!c.overhang) continue;
+    const ReportOverhang& o = *c.overhang;
+    const bool known = std::isfinite(o.computed);
+    rows += "<tr>" + name_cell("Test", c.name);
+    rows += cell("Readings", std::to_string(o.measured.size()), "n");
+    rows += cell("Measured, mean", millimetres(o.mean()), "n");
+    rows += cell("Deviation of one", millimetres(o.deviation), "n");
+    rows += cell("Computed", known ? millimetres(o.computed) : "none", "n");
+    rows += cell("90 % interval",
+                 o.lower && o.upper ? millimetres(*o.lower) + " to " + millimetres(*o.upper) : "–",
+                 "n");
+    rows += cell("Difference", known ? millimetres(o.computed - o.mean()) : "–", "n");
+    rows += "</tr>\n";
+  }
+  if (rows.empty()) return "";
+  return "<h3>Overhangs</h3>\n<p class=\"minor\">At which the line from the edge to the middle of "
+         "the tip is at the angle of the inclined plane. The interval is what the uncertainty of "
+         "the parameters gives.</p>\n" +
+         table_head("Test", {"Readings", "Measured, mean", "Deviation of one", "Computed",
+                             "90 % interval", "Difference"}) +
+         rows + "</tbody></table>\n";
+}
+
 std::string table_of_registrations(const MechanicalReport& report) {
   std::string rows;
   for (const ReportMechanical& c : report.captures) {
@@ -209,6 +235,12 @@ std::string match_of(const ReportMechanical& c, PlotPlacer& place) {
   }
   LinePlot distance = shape_distance_plot(c);
   distance.width = kPlotWidth;
+  if (c.overhang && !c.overhang->x.empty()) {
+    html +=
+        place(overhang_plot(*c.overhang, kPlotWidth),
+              "The middle of the computed strip, clamped at the edge. Where its tip is above the "
+              "plane, the computed strip overhangs further than was read.");
+  }
   if (distance.series.front().x.size() > 1)
     html += place(distance, "At the same point of the fabric, outside the clips.", "frame");
   html += "</div>\n";
@@ -242,8 +274,10 @@ std::string mechanical_measured_section(const MechanicalReport& report, std::str
     html += cell("Areal density", format_short(c.areal_density) + " kg/m²");
     html += cell("Frames", std::to_string(c.frames.size()));
     html += cell("Force components", std::to_string(c.force_count));
-    html +=
-        cell("Points of the shape", c.point_count == 0 ? "none" : std::to_string(c.point_count));
+    html += cell("Points of the shape",
+                 c.overhang ? fmt::format("{} readings of an overhang", c.overhang->measured.size())
+                 : c.point_count == 0 ? "none"
+                                      : std::to_string(c.point_count));
     html += "</tr>\n";
   }
   return html + "</tbody></table>\n" + table_of_registrations(report) + "</section>\n";
@@ -253,7 +287,7 @@ std::string mechanical_match_section(const MechanicalReport& report, std::string
                                      PlotPlacer& place) {
   if (report.captures.empty()) return "";
   std::string html = heading(id, "How well it matches");
-  html += table_of_tests(report) + table_of_clamps(report);
+  html += table_of_tests(report) + table_of_overhangs(report) + table_of_clamps(report);
   for (const ReportMechanical& capture : report.captures) html += match_of(capture, place);
   return html + "</section>\n";
 }

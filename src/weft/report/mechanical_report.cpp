@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
+#include <numeric>
 
 #include "weft/optics/raster.h"
 
@@ -182,6 +184,40 @@ LinePlot shape_distance_plot(const ReportMechanical& capture) {
   largest.dashed = true;
   for (PlotSeries* series : {&mean, &largest}) series->mark = PlotSeries::Mark::line_and_points;
   plot.series = {std::move(mean), std::move(largest)};
+  return plot;
+}
+
+double ReportOverhang::mean() const {
+  return std::accumulate(measured.begin(), measured.end(), 0.0) /
+         static_cast<double>(measured.size());
+}
+
+LinePlot overhang_plot(const ReportOverhang& overhang, int width) {
+  LinePlot plot;
+  plot.width = width;
+  plot.title = fmt::format("The strip at the mean of what was read, {:.4g} mm",
+                           kMillimetres * overhang.mean());
+  plot.x = axis("from the edge", "mm");
+  plot.y = axis("height", "mm");
+  plot.series.push_back(
+      series("computed strip", scaled(overhang.x, kMillimetres), scaled(overhang.z, kMillimetres)));
+  plot.series.back().colour = 1;
+  // Beyond the tip by a tenth.
+  const double end = 1.1 * kMillimetres *
+                     std::max(overhang.x.back(), -overhang.z.back() / std::tan(overhang.angle));
+  const double drop = std::max(end * std::tan(overhang.angle), -kMillimetres * overhang.z.back());
+  plot.series.push_back(
+      series(fmt::format("inclined plane, {:.4g}°", overhang.angle * 180 / std::numbers::pi),
+             {0, end}, {0, -end * std::tan(overhang.angle)}));
+  plot.series.back().colour = 0;
+  plot.series.back().dashed = true;
+  // What axes and title take of width and height, about.
+  constexpr double kAside = 44, kAbove = 117;
+  plot.y.lower = -1.05 * drop;
+  plot.y.upper = 0.05 * drop;
+  const double scale = (plot.height - kAbove) / (*plot.y.upper - *plot.y.lower);
+  plot.x.lower = 0;
+  plot.x.upper = std::max(end, (plot.width - kAside) / scale);
   return plot;
 }
 

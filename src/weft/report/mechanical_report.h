@@ -84,6 +84,20 @@ struct ReportCordFriction {
   bool determined = true;
 };
 
+/// An overhang test (computed_overhang.h).
+struct ReportOverhang {
+  double angle = 0;                    ///< rad below the horizontal
+  double deviation = 0;                ///< m, of a reading
+  std::vector<double> measured;        ///< m, readings
+  double computed = 0;                 ///< m; NaN: none
+  std::optional<double> lower, upper;  ///< m, 90 % interval of the computed; both or neither
+  /// Middle of the computed strip where it overhangs by the mean of the readings, from the edge: m,
+  /// away from it and up.
+  std::vector<double> x, z;
+
+  double mean() const;
+};
+
 /// One mechanical capture at the estimate.
 struct ReportMechanical {
   std::string name, description, folder;
@@ -104,6 +118,7 @@ struct ReportMechanical {
   std::vector<ReportClampForce> clamps;             ///< of a scan
   std::optional<ReportRegistration> registration;   ///< of a raw scan
   std::optional<ReportCordFriction> cord_friction;  ///< where it was fitted
+  std::optional<ReportOverhang> overhang;           ///< of an overhang test
 };
 
 /// Stress against strain of the fabric (model/material_response.h).
@@ -153,6 +168,9 @@ LinePlot force_plot(const ReportMechanical& capture);
 LinePlot loaded_plot(const ReportMechanical& capture);
 /// Distance to the measured shape by frame, mean and largest, mm.
 LinePlot shape_distance_plot(const ReportMechanical& capture);
+/// The computed strip from the side and the inclined plane, mm, both axes of about one scale;
+/// `width` px.
+LinePlot overhang_plot(const ReportOverhang& overhang, int width = 700);
 LinePlot strain_plot(const ReportHistogram& histogram);
 /// With internal friction a line a branch: "from rest", "unloading", "loading".
 LinePlot response_plot(const ReportResponse& response);
