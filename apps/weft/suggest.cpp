@@ -159,6 +159,11 @@ Json values_of(const CandidateTest& test) {
     values["profile"] = {{"readings", test.readings},
                          {"clamp_angle_deg", test.clamp_angle / kDegree}};
     values["point_noise"] = test.point_noise;
+  } else if (test.kind == CandidateTest::Kind::overhang) {
+    values["specimen"].erase("free_length");
+    values["overhang"] = {{"readings", test.readings},
+                          {"angle_deg", test.angle / kDegree},
+                          {"deviation", test.deviation}};
   } else {
     values["curve"] = {{"displacement", {test.first, test.last}}, {"readings", test.readings}};
     values["force_noise"] = test.force_noise;

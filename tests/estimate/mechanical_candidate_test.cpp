@@ -11,6 +11,7 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 #include "weft/capture/mechanical_writer.h"
+#include "weft/estimate/cantilever.h"
 #include "weft/estimate/suggest.h"
 
 namespace weft {
@@ -118,6 +119,25 @@ TEST(MechanicalInformation, ACantileverTellsTheBendAlongIt) {
     EXPECT_LT(information_of(found, name), 1e-3 * expected) << name;
 }
 
+// dL / L = dB / (3 B) of a strip without Poisson effect; n readings tell n times as much.
+TEST(MechanicalInformation, AnOverhangTellsTheBendAlongIt) {
+  CandidateTest test;
+  test.kind = Kind::overhang;
+  test.specimen = {0, 0.02, 0.15};
+  test.readings = 4;
+  test.deviation = 5e-4;
+  Fabric known = fabric();
+  known.set("bend_uu", 2e-5);
+  known.set("bend_uv", 1e-12);
+  const MatX found = mechanical_information(test, known, few_cells());
+  const double overhang = overhang_of_rigidity(9.81 * 0.15, 2e-5);
+  const ParameterInfo info = known.info(known.value_index("bend_uu"));
+  const double slope = std::log(info.upper / info.lower) * overhang / 3;
+  const double expected = test.readings * std::pow(slope / test.deviation, 2);
+  EXPECT_NEAR(information_of(found, "bend_uu"), expected, 0.05 * expected);
+  EXPECT_LT(information_of(found, "bend_vv"), 1e-3 * expected);
+}
+
 TEST(MechanicalInformation, IsOfModelsOfMotionsToo) {
   const Fabric known = Fabric::with_defaults("known");
   const MatX found = mechanical_information(strip(), known, few_cells());
@@ -210,7 +230,25 @@ TEST_F(CandidateFile, HasTestsInTheFormOfCaptures) {
   EXPECT_EQ(flap.point_noise, 1e-4);
 }
 
+TEST_F(CandidateFile, AnOverhangNeedsNoLength) {
+  const auto test = std::get<CandidateTest>(
+      read("test = \"overhang\"\nspecimen = { width = 0.025, grain_angle_deg = 90 }\n"
+           "overhang = { readings = 8, angle_deg = 43, deviation = 2e-3 }\n")
+          .front());
+  EXPECT_EQ(test.kind, Kind::overhang);
+  EXPECT_EQ(test.readings, 8);
+  EXPECT_NEAR(test.angle, 43 * std::numbers::pi / 180, 1e-15);
+  EXPECT_EQ(test.deviation, 2e-3);
+  EXPECT_EQ(test.name, "overhang 25 mm wide at 90 degrees, 8 readings");
+}
+
 TEST_F(CandidateFile, IsReadStrictly) {
+  EXPECT_THAT(message("test = \"overhang\"\nspecimen = { free_length = 0.2, width = 0.05 }\n"
+                      "overhang = { readings = 2 }\n"),
+              HasSubstr("free_length"));
+  EXPECT_THAT(message("test = \"overhang\"\nspecimen = { width = 0.05 }\n"
+                      "overhang = { readings = 2, deviation = 1 }\n"),
+              HasSubstr("deviation"));
   EXPECT_THAT(message("test = \"grab\"\n"),
               AllOf(HasSubstr("experiments.toml:4"), HasSubstr("\"grab\" is not valid")));
   EXPECT_THAT(message("test = \"strip\"\n"), HasSubstr("specimen"));

@@ -7,6 +7,7 @@
 
 #include "weft/base/error.h"
 #include "weft/capture/capture_checks.h"
+#include "weft/estimate/computed_overhang.h"
 
 namespace weft {
 namespace {
@@ -19,22 +20,24 @@ constexpr int kMostReadings = 10000;
 /// Of the free length: clips are then less than kMaxClipStretch times as far apart as at rest.
 constexpr double kFarthest = kMaxClipStretch - 1;
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kFirstOverhang = 0.05;  // m, from which that of a fabric is found
 
-constexpr std::string_view kKindNames[] = {"strip", "bias-extension", "cantilever"};
+constexpr std::string_view kKindNames[] = {"strip", "bias-extension", "cantilever", "overhang"};
 
 Range readings_of(Kind kind) {
+  if (kind == Kind::overhang) return {1, kMostOverhangs};
   return {kind == Kind::cantilever ? double(kLeastProfile) : 1.0, kMostReadings};
 }
 
 Kind kind_from_name(std::string_view name) {
-  for (const Kind kind : {Kind::bias_extension, Kind::cantilever})
+  for (const Kind kind : {Kind::bias_extension, Kind::cantilever, Kind::overhang})
     if (name == name_of(kind)) return kind;
   return Kind::strip;
 }
 
 Specimen read_specimen(const TomlTable& table, Kind kind) {
   Specimen specimen;
-  specimen.free_length = table.number("free_length", kSwatchSide);
+  if (kind != Kind::overhang) specimen.free_length = table.number("free_length", kSwatchSide);
   specimen.width = table.number("width", kSwatchSide);
   specimen.areal_density = table.optional_number("areal_density", kArealDensity).value_or(0);
   const double otherwise = kind == Kind::bias_extension ? 45 : 0;
@@ -47,6 +50,14 @@ Specimen read_specimen(const TomlTable& table, Kind kind) {
 void read_profile(const TomlTable& table, CandidateTest& test) {
   test.readings = table.integer("readings", kLeastProfile, kMostReadings);
   test.clamp_angle = kDegree * table.optional_number("clamp_angle_deg", kClampAngle).value_or(0);
+  table.finish();
+}
+
+void read_overhang(const TomlTable& table, CandidateTest& test) {
+  test.readings = table.integer("readings", 1, kMostOverhangs);
+  test.angle =
+      table.optional_number("angle_deg", kOverhangAngle).value_or(test.angle / kDegree) * kDegree;
+  test.deviation = table.optional_number("deviation", kOverhangDeviation).value_or(test.deviation);
   table.finish();
 }
 
@@ -81,6 +92,24 @@ std::shared_ptr<const MechanicalTrial> cantilever_trial(const CandidateTest& tes
   line << std::cos(test.clamp_angle) * arc.transpose(),
       -std::sin(test.clamp_angle) * arc.transpose();
   return prepare_mechanical(capture, cantilever_geometry(capture, arc, line), options);
+}
+
+/// The readings are what the fabric overhangs by.
+std::shared_ptr<const MechanicalTrial> overhang_trial(const CandidateTest& test,
+                                                      const Specimen& specimen,
+                                                      const Fabric& fabric,
+                                                      const MechanicalOptions& options) {
+  const auto trial_of = [&](int readings, double length) {
+    MechanicalCapture capture =
+        overhang_capture(specimen, {VecX::Constant(readings, length), test.angle, test.deviation});
+    capture.name = test.name;
+    return prepare_mechanical(capture, options);
+  };
+  const auto first = trial_of(1, kFirstOverhang);
+  const MechanicalFrame frame = simulate_mechanical({first}, fabric)[0][0];
+  if (const std::string problem = overhang_problem(*first, frame); !problem.empty())
+    throw Error(problem);
+  return trial_of(test.readings, frame.overhang);
 }
 
 /// Of the first `n` unknowns where nothing else is known of the others.
@@ -122,6 +151,10 @@ std::string words_of(const CandidateTest& t) {
   const std::string specimen = fmt::format("{} {:g} x {:g} mm at {:g} degrees", name_of(t.kind),
                                            1e3 * t.specimen.free_length, 1e3 * t.specimen.width,
                                            t.specimen.grain_angle / kDegree);
+  if (t.kind == Kind::overhang)
+    return fmt::format("overhang {:g} mm wide at {:g} degrees, {} reading{}",
+                       1e3 * t.specimen.width, t.specimen.grain_angle / kDegree, t.readings,
+                       t.readings == 1 ? "" : "s");
   if (t.kind == Kind::cantilever) return fmt::format("{}, {} points", specimen, t.readings);
   return fmt::format("{}, {:g} to {:g} mm, {} readings", specimen, 1e3 * t.first, 1e3 * t.last,
                      t.readings);
@@ -142,13 +175,16 @@ void check(const CandidateTest& t) {
   const auto require = [&](std::string_view key, double value, Range valid) {
     check_experiment_value(t.name, key, value, valid);
   };
-  require("free_length", t.specimen.free_length, kSwatchSide);
+  if (t.kind != Kind::overhang) require("free_length", t.specimen.free_length, kSwatchSide);
   require("width", t.specimen.width, kSwatchSide);
   if (t.specimen.areal_density != 0)
     require("areal_density", t.specimen.areal_density, kArealDensity);
   require("grain_angle_deg", t.specimen.grain_angle / kDegree, kGrainAngle);
   const Range way{0, kFarthest * t.specimen.free_length};
-  for (const double displacement : {t.first, t.last}) require("displacement", displacement, way);
+  if (t.kind != Kind::overhang)
+    for (const double displacement : {t.first, t.last}) require("displacement", displacement, way);
+  require("angle_deg", t.angle / kDegree, kOverhangAngle);
+  require("deviation", t.deviation, kOverhangDeviation);
   require("clamp_angle_deg", t.clamp_angle / kDegree, kClampAngle);
   require("readings", t.readings, readings_of(t.kind));
   require("force_noise", t.force_noise, kForceNoise);
@@ -164,13 +200,14 @@ void check(const CandidateCapture& capture) {
 
 CandidateTest read_candidate_test(const TomlTable& table) {
   CandidateTest test;
-  test.kind =
-      kind_from_name(table.choice("test", {std::string(kKindNames[0]), std::string(kKindNames[1]),
-                                           std::string(kKindNames[2])}));
+  test.kind = kind_from_name(
+      table.choice("test", std::vector<std::string>(std::begin(kKindNames), std::end(kKindNames))));
   test.specimen = read_specimen(table.table("specimen"), test.kind);
   if (test.kind == Kind::cantilever) {
     read_profile(table.table("profile"), test);
     test.point_noise = table.optional_number("point_noise", kPointNoise).value_or(test.point_noise);
+  } else if (test.kind == Kind::overhang) {
+    read_overhang(table.table("overhang"), test);
   } else {
     read_curve(table.table("curve"), test);
     test.force_noise = table.optional_number("force_noise", kForceNoise).value_or(test.force_noise);
@@ -216,9 +253,10 @@ MatX mechanical_information(const CandidateTest& test, const Fabric& fabric,
   Specimen specimen = test.specimen;
   if (specimen.areal_density == 0)
     specimen.areal_density = fabric.areal_density.value_or(options.areal_density);
-  const auto trial = test.kind == Kind::cantilever
-                         ? cantilever_trial(test, specimen, options.mechanical)
-                         : strip_trial(test, specimen, options.mechanical);
+  const auto trial =
+      test.kind == Kind::cantilever ? cantilever_trial(test, specimen, options.mechanical)
+      : test.kind == Kind::overhang ? overhang_trial(test, specimen, fabric, options.mechanical)
+                                    : strip_trial(test, specimen, options.mechanical);
   return information_of(trial, fabric, cost_of(test.force_noise, test.point_noise),
                         options.threads);
 }

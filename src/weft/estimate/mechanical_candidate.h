@@ -16,23 +16,29 @@ struct CandidateTest {
   enum class Kind {
     strip,           ///< pulled lengthwise; its force is read
     bias_extension,  ///< the same, at 45 degrees where a file does not say
-    cantilever       ///< bends under its own weight; its profile is read
+    cantilever,      ///< bends under its own weight; its profile is read
+    overhang         ///< the same, pushed over an edge; how far it overhangs at an angle is read
   };
   std::string name;  ///< empty: made of the values
   Kind kind = Kind::strip;
-  /// Sides 0.001 to 10 m, areal density 0.001 to 10 kg/m^2 or 0: that of the fabric.
+  /// Sides 0.001 to 10 m, areal density 0.001 to 10 kg/m^2 or 0: that of the fabric. The free
+  /// length of an overhang is that of the fabric, too.
   Specimen specimen{0.2, 0.05};
   /// m, of the moving jaw at the first and the last reading; 0 to twice the free length.
   double first = 0, last = 0.01;
   double clamp_angle = 0;  ///< rad below the horizontal, of a cantilever; up to 80 degrees
   /// Of the force, in equal steps of the jaw, 1 to 10 000; of a cantilever points of the profile in
-  /// equal steps of its arc, from 8 on.
+  /// equal steps of its arc, from 8 on; of an overhang up to 1000, all of one strip.
   int readings = 20;
+  double angle =
+      OverhangTest().angle;  ///< rad below the horizontal, of an overhang; 1 to 74 degrees
+  /// m, standard deviation of a reading of an overhang; 1e-6 to 0.1.
+  double deviation = OverhangTest().deviation;
   double force_noise = MechanicalCostOptions().force_noise;  ///< N, 1e-9 to 1000
   double point_noise = MechanicalCostOptions().point_noise;  ///< m, of a coordinate, 1e-9 to 1
   double clip_noise = 0;                                     ///< m, 0 to 0.01, as of a capture
 };
-/// "strip", "bias-extension", "cantilever".
+/// "strip", "bias-extension", "cantilever", "overhang".
 std::string_view name_of(CandidateTest::Kind kind);
 
 /// The test of a mechanical capture, once more: its clips, frame by frame, and the components and
