@@ -10,9 +10,11 @@
 
 #include "commands.h"
 #include "options.h"
+#include "priors_text.h"
 #include "weft/base/error.h"
 #include "weft/base/text_file.h"
 #include "weft/capture/table_file.h"
+#include "weft/estimate/bend_prior.h"
 #include "weft/fabric/fabric.h"
 #include "weft/vision/strip_profile.h"
 
@@ -20,6 +22,7 @@ namespace weft::app {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kReadTo = 1e-3;  // m, an overhang
 
 struct Arguments {
   std::string profile;
@@ -28,12 +31,17 @@ struct Arguments {
   double angle = 41.5;  // degrees
   double window = 0;
   std::vector<double> clamp;
-  std::string curve, fabric, direction = "weft", out;
+  std::string curve, fabric, direction = "weft", out, prior;
+  std::optional<double> deviation;  // m, of an overhang
   bool json = false;
 };
 
 /// A fabric's bending along one thread, in the fabric's own model.
-void write_with_bend(const Arguments& arguments, double rigidity, const std::string& how) {
+struct FabricWithBend {
+  Fabric fabric;
+  std::string name;  ///< of the bend
+};
+FabricWithBend with_bend(const Arguments& arguments, double rigidity, const std::string& how) {
   Fabric fabric = find_fabric(arguments.fabric);
   const bool weft = arguments.direction == "weft";
   std::string name = weft ? "weft_bend" : "warp_bend";
@@ -45,10 +53,22 @@ void write_with_bend(const Arguments& arguments, double rigidity, const std::str
   fabric.set(name, rigidity);
   fabric.provenance += fmt::format("; {} from a cantilever test ({})", name, how);
   validate(fabric);
-  write_fabric(arguments.out, fabric);
+  return {std::move(fabric), std::move(name)};
 }
 
-nlohmann::json from_overhang(const Arguments& arguments) {
+/// What was asked for of the fabric: with the rigidity, and with a prior of it, which is returned.
+std::vector<ParameterPrior> write_fabrics(const Arguments& arguments, double rigidity) {
+  if (arguments.fabric.empty()) return {};
+  const auto [fabric, name] = with_bend(arguments, rigidity, "overhang");
+  if (!arguments.out.empty()) write_fabric(arguments.out, fabric);
+  if (arguments.prior.empty()) return {};
+  const std::vector<ParameterPrior> priors{prior_of_overhang(
+      name, rigidity, *arguments.overhang, arguments.deviation.value_or(kReadTo))};
+  write_text(arguments.prior, fabric_to_toml(fabric, priors));
+  return priors;
+}
+
+nlohmann::json from_overhang(const Arguments& arguments, std::vector<ParameterPrior>& priors) {
   const double weight = arguments.areal_density * kStandardGravity;
   const double overhang = *arguments.overhang, angle = arguments.angle * kDegree;
   const double rigidity = rigidity_of_overhang(weight, overhang, angle);
@@ -62,7 +82,8 @@ nlohmann::json from_overhang(const Arguments& arguments) {
     result["standard_bending_length"] = c;
     result["standard_rigidity"] = flexural_rigidity(weight, c);
   }
-  if (!arguments.out.empty()) write_with_bend(arguments, rigidity, "overhang");
+  priors = write_fabrics(arguments, rigidity);
+  if (!priors.empty()) result["priors"] = priors_json(priors);
   return result;
 }
 
@@ -122,7 +143,9 @@ nlohmann::json from_points(const Arguments& arguments, const MaterialPoints& pro
   const CantileverFit friction = fit_cantilever(profile, weight, BendTerms::friction);
   if (!arguments.curve.empty())
     write_curve(arguments.curve, profile, curve_of(arguments, profile, weight));
-  if (!arguments.out.empty()) write_with_bend(arguments, constant.law.bend.stiffness(0), "profile");
+  if (!arguments.out.empty())
+    write_fabric(arguments.out,
+                 with_bend(arguments, constant.law.bend.stiffness(0), "profile").fabric);
   const VecX arc = profile_arc(profile);
   return {{"points", profile.cols()},
           {"length", arc[arc.size() - 1]},
@@ -172,11 +195,13 @@ void print_profile(const nlohmann::json& r) {
 
 /// Options that would say nothing.
 void refuse_unused(const Arguments& arguments, const CLI::App& command) {
+  if (arguments.prior.empty() && arguments.deviation)
+    throw Error("--deviation: means nothing without --prior");
   if (arguments.overhang) {
     refuse_options(command, {"--pixel", "--clamp", "--window", "--curve"}, "an overhang");
     return;
   }
-  refuse_options(command, {"--angle"}, "a profile or a picture");
+  refuse_options(command, {"--angle", "--prior", "--deviation"}, "a profile or a picture");
   if (is_table(arguments.profile)) refuse_options(command, {"--pixel", "--clamp"}, "a CSV");
   refuse_without(command, "--curve", {"--window"});
 }
@@ -185,18 +210,21 @@ void run(const Arguments& arguments, const CLI::App& command) {
   if (arguments.overhang.has_value() == !arguments.profile.empty())
     throw Error("give either a profile or --overhang");
   refuse_unused(arguments, command);
-  if (arguments.fabric.empty() != arguments.out.empty())
-    throw Error("--fabric and --out: both or none");
-  if (!arguments.out.empty()) check_output_file(arguments.out);
+  if (arguments.fabric.empty() != (arguments.out.empty() && arguments.prior.empty()))
+    throw Error("--fabric: needed with --out or --prior, and one of them with it");
+  for (const std::string& path : {arguments.out, arguments.prior})
+    if (!path.empty()) check_output_file(path);
   if (!arguments.curve.empty()) check_output_file(arguments.curve);
+  std::vector<ParameterPrior> priors;
   const nlohmann::json result =
-      arguments.overhang ? from_overhang(arguments) : from_profile(arguments);
+      arguments.overhang ? from_overhang(arguments, priors) : from_profile(arguments);
   if (arguments.json)
     fmt::print("{}\n", result.dump(2));
   else if (arguments.overhang)
     print_overhang(result);
   else
     print_profile(result);
+  if (!arguments.json && !priors.empty()) print_priors(priors);
 }
 
 }  // namespace
@@ -238,12 +266,21 @@ void add_cantilever(CLI::App& app) {
       ->check(CLI::IsMember({"weft", "warp"}))
       ->capture_default_str();
   command->add_option("--out", arguments->out, "the fabric with the rigidity, a file to write");
+  command->add_option("--prior", arguments->prior,
+                      "of an overhang: the fabric with the rigidity as a prior, too, a file to "
+                      "write, for weft fit --initial");
+  command
+      ->add_option("--deviation", arguments->deviation,
+                   "m, standard deviation of the overhang, for --prior; default: 0.001")
+      ->check(number_in(1e-6, 0.1));
   command->add_flag("--json", arguments->json, "print JSON");
   command->footer(
       "Examples:\n  weft cantilever --overhang 0.11 --areal-density 0.2\n"
       "  weft cantilever photo.jpg --pixel 1.1e-4 --areal-density 1.39 --curve bend.csv\n"
       "  weft cantilever --overhang 0.09 --areal-density 0.2 --direction warp --fabric base.toml "
-      "--out mine.toml");
+      "--out mine.toml\n"
+      "  weft cantilever --overhang 0.09 --areal-density 0.2 --fabric base.toml --prior "
+      "known.toml");
   command->callback([arguments, command] { run(*arguments, *command); });
 }
 

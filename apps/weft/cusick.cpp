@@ -11,7 +11,10 @@
 
 #include "commands.h"
 #include "options.h"
+#include "priors_text.h"
 #include "weft/base/error.h"
+#include "weft/base/text_file.h"
+#include "weft/estimate/bend_prior.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/vision/strip_profile.h"
 
@@ -19,7 +22,7 @@ namespace weft::app {
 namespace {
 
 struct Arguments {
-  std::string fabric, shadow, out;
+  std::string fabric, shadow, out, prior;
   std::optional<double> areal_density, pixel, fit, fit_deviation;
   int starts = 6, threads = 0;
   DrapeOptions options;
@@ -86,7 +89,7 @@ Error out_of_reach(double measured, const DrapeFit& fit) {
 }
 
 /// The fabric whose drapes have the measured coefficient.
-nlohmann::json fitted(const Arguments& arguments) {
+nlohmann::json fitted(const Arguments& arguments, std::vector<ParameterPrior>& priors) {
   const Fabric start = find_fabric(arguments.fabric);
   DrapeFitOptions options;
   options.drape = arguments.options;
@@ -105,12 +108,15 @@ nlohmann::json fitted(const Arguments& arguments) {
     const double value = fit.fabric.value(name);
     if (start.info(start.value_index(name)).unit == "N m") result["bend"][name] = value;
   }
-  if (arguments.out.empty()) return result;
   Fabric fabric = fit.fabric;
   fabric.areal_density = density;
   fabric.provenance +=
       fmt::format("; bend times {:.4g} from a drape coefficient of {:g}", fit.factor, measured);
-  write_fabric(arguments.out, fabric);
+  if (!arguments.out.empty()) write_fabric(arguments.out, fabric);
+  if (arguments.prior.empty()) return result;
+  priors = priors_of_factor(start, fit.lower, fit.upper, options.confidence);
+  result["priors"] = priors_json(priors);
+  write_text(arguments.prior, fabric_to_toml(fabric, priors));
   return result;
 }
 
@@ -142,6 +148,7 @@ void print(const nlohmann::json& result) {
 void check_fit(const Arguments& arguments) {
   if (!arguments.fit) {
     if (arguments.fit_deviation) throw Error("--fit-deviation: means nothing without --fit");
+    if (!arguments.prior.empty()) throw Error("--prior: means nothing without --fit");
     return;
   }
   if (arguments.fabric.empty()) throw Error("--fit: means nothing for a picture");
@@ -158,16 +165,19 @@ void run(const Arguments& arguments) {
     check_output_file(arguments.out);
   }
   check_fit(arguments);
+  if (!arguments.prior.empty()) check_output_file(arguments.prior);
   if (arguments.options.sectors % 2 != 0)
     throw Error(fmt::format("--sectors: {} is odd; must be an even number from 24 to 720",
                             arguments.options.sectors));
+  std::vector<ParameterPrior> priors;
   const nlohmann::json result = arguments.fabric.empty() ? measured(arguments)
-                                : arguments.fit          ? fitted(arguments)
+                                : arguments.fit          ? fitted(arguments, priors)
                                                          : simulated(arguments);
   if (arguments.json)
     fmt::print("{}\n", result.dump(2));
   else
     print(result);
+  if (!arguments.json && !priors.empty()) print_priors(priors);
 }
 
 }  // namespace
@@ -224,6 +234,9 @@ void add_cusick(CLI::App& app) {
       ->check(number_in(0, 1));
   command->add_option("--out", arguments->out,
                       "the first drape as a mesh, .obj; with --fit the fabric, .toml");
+  command->add_option("--prior", arguments->prior,
+                      "with --fit: the fabric found with its interval as priors of the bend, a "
+                      "file to write, for weft fit --initial");
   command->add_flag("--json", arguments->json, "print JSON");
   command->footer(
       "Examples:\n  weft cusick fabric.toml --areal-density 0.15\n"

@@ -6,6 +6,7 @@
 #include "apps/program.h"
 #include "weft/estimate/cantilever.h"
 #include "weft/fabric/fabric.h"
+#include "weft/fabric/prior.h"
 #include "weft/vision/video.h"
 
 namespace weft {
@@ -35,6 +36,27 @@ TEST_F(Textile, OverhangGivesTheRigidityAndAFabric) {
   const Fabric fabric = read_fabric(path("f.toml"));
   EXPECT_EQ(fabric.value("bend_stiffness"), result["rigidity"]);
   EXPECT_THAT(fabric.provenance, HasSubstr("cantilever"));
+}
+
+// 1 mm of 0.1 m is 3 % of the rigidity.
+TEST_F(Textile, OverhangGivesAPrior) {
+  const std::vector<std::string> words{"cantilever",      "--overhang", "0.1",
+                                       "--areal-density", "0.2",        "--fabric",
+                                       "satin",           "--prior",    path("p.toml")};
+  const auto result = json_of(words);
+  const std::vector<ParameterPrior> priors = read_priors(path("p.toml"));
+  ASSERT_EQ(priors.size(), 1u);
+  EXPECT_EQ(priors[0].parameter, "bend_stiffness");
+  EXPECT_EQ(priors[0].median, result["rigidity"]);
+  EXPECT_NEAR(std::log(priors[0].factor), 0.03, 1e-12);
+  EXPECT_EQ(result["priors"]["bend_stiffness"]["factor"], priors[0].factor);
+  EXPECT_THAT(weft(words).out, HasSubstr("bend_stiffness     prior = { median = "));
+  EXPECT_THAT(refusal({"cantilever", "--overhang", "0.1", "--areal-density", "0.2", "--prior",
+                       path("p.toml")}),
+              HasSubstr("--fabric"));
+  EXPECT_THAT(refusal({"cantilever", "--overhang", "0.1", "--areal-density", "0.2", "--deviation",
+                       "0.002"}),
+              HasSubstr("--deviation: means nothing without --prior"));
 }
 
 TEST_F(Textile, ProfileGivesMomentsAndTheLaw) {
@@ -130,8 +152,9 @@ TEST_F(Textile, DrapeCoefficientGivesTheBend) {
     return words;
   };
   const double measured = json_of(with({"cusick", path("true.toml")}))["drape_coefficient"];
-  const auto result = json_of(with({"cusick", path("start.toml"), "--fit", std::to_string(measured),
-                                    "--fit-deviation", "0.01", "--out", path("found.toml")}));
+  const auto result = json_of(
+      with({"cusick", path("start.toml"), "--fit", std::to_string(measured), "--fit-deviation",
+            "0.01", "--out", path("found.toml"), "--prior", path("known.toml")}));
   EXPECT_NEAR(result["factor"], 0.5, 0.05);
   EXPECT_LT(result["factor_lower"], 0.5);
   EXPECT_GT(result["factor_upper"], 0.5);
@@ -141,9 +164,18 @@ TEST_F(Textile, DrapeCoefficientGivesTheBend) {
   EXPECT_EQ(found.value("stretch_stiffness"), fabric.value("stretch_stiffness"));
   EXPECT_THAT(found.provenance, HasSubstr("drape coefficient"));
 
+  // 90 % of the prior are the interval: 2 x 1.645 deviations.
+  const std::vector<ParameterPrior> priors = read_priors(path("known.toml"));
+  ASSERT_EQ(priors.size(), 1u);
+  const double lower = result["factor_lower"], upper = result["factor_upper"];
+  EXPECT_NEAR(priors[0].median, 6e-5 * std::sqrt(lower * upper), 1e-12);
+  EXPECT_NEAR(std::log(priors[0].factor), std::log(upper / lower) / (2 * 1.6448536), 1e-6);
+  EXPECT_EQ(result["priors"]["bend_stiffness"]["median"], priors[0].median);
+
   const std::string start = path("start.toml");
   EXPECT_THAT(refusal({"cusick", start, "--fit", "1.2"}), HasSubstr("--fit"));
   EXPECT_THAT(refusal({"cusick", start, "--fit-deviation", "0.1"}), HasSubstr("without --fit"));
+  EXPECT_THAT(refusal({"cusick", start, "--prior", path("p.toml")}), HasSubstr("without --fit"));
   EXPECT_THAT(refusal({"cusick", start, "--fit", "0.5", "--starts", "1"}), HasSubstr("--starts"));
   EXPECT_THAT(refusal({"cusick", start, "--fit", "0.5", "--out", path("x.obj")}),
               HasSubstr(".toml"));

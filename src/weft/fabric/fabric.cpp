@@ -22,7 +22,7 @@ namespace {
 constexpr const char* kFormat = "weft-fabric";
 constexpr int kVersion = 1;
 constexpr Range kArealDensity{1e-3, 100};  // kg/m^2
-constexpr Range kPriorFactor{1.001, 1e6};
+constexpr Range kPriorFactor{least_prior_factor, most_prior_factor};
 constexpr double kHuge = 1e12;  // of any unit: catches typing errors only
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
@@ -190,8 +190,8 @@ std::string toml_numbers(const Eigen::Ref<const VecX>& numbers, Numbers form) {
   return text + "]";
 }
 
-/// One row of [parameters].
-std::string row_text(const Fabric& fabric, int row) {
+/// One row of [parameters], with the prior of that name.
+std::string row_text(const Fabric& fabric, int row, const std::vector<ParameterPrior>& priors) {
   const ParameterInfo info = model_parameters(fabric.model)[at(row)];
   const int first = fabric.first_value(row), count = fabric.value_count(row);
   if (count == 0) return {};
@@ -205,11 +205,13 @@ std::string row_text(const Fabric& fabric, int row) {
   std::string text = fmt::format("{} = {{ ", info.name);
   if (count > 1)
     text += fmt::format("strain = {}, ", toml_numbers(fabric.forms[at(row)].knots, Numbers::array));
-  return text + fmt::format("value = {}, unit = {}, lower = {}, upper = {} }}\n",
-                            toml_numbers(fabric.values.segment(first, count),
-                                         count > 1 ? Numbers::array : Numbers::one),
-                            toml_string(info.unit), toml_numbers(lower, range),
-                            toml_numbers(upper, range));
+  text += fmt::format(
+      "value = {}, unit = {}, lower = {}, upper = {}",
+      toml_numbers(fabric.values.segment(first, count), count > 1 ? Numbers::array : Numbers::one),
+      toml_string(info.unit), toml_numbers(lower, range), toml_numbers(upper, range));
+  for (const ParameterPrior& prior : priors)
+    if (prior.parameter == info.name) text += ", " + prior_to_toml(prior);
+  return text + " }\n";
 }
 
 std::string preset_names() {
@@ -393,7 +395,17 @@ void validate(const Fabric& fabric) {
     check_stretch_coupling(fabric);
 }
 
-std::string fabric_to_toml(const Fabric& fabric) {
+std::string prior_to_toml(const ParameterPrior& prior) {
+  return fmt::format("prior = {{ median = {}, factor = {} }}", prior.median, prior.factor);
+}
+
+std::string fabric_to_toml(const Fabric& fabric) { return fabric_to_toml(fabric, {}); }
+
+std::string fabric_to_toml(const Fabric& fabric, const std::vector<ParameterPrior>& priors) {
+  for (const ParameterPrior& prior : priors)
+    if (fabric.value_count(prior.parameter) != 1)
+      throw Error(fmt::format("prior of \"{}\": not one number of fabric \"{}\"", prior.parameter,
+                              fabric.name));
   std::string text =
       fmt::format("format = {}\nversion = {}\nname = {}\nmodel = {}\n", toml_string(kFormat),
                   kVersion, toml_string(fabric.name), toml_string(fabric.model));
@@ -403,7 +415,7 @@ std::string fabric_to_toml(const Fabric& fabric) {
     text += fmt::format("provenance = {}\n", toml_string(fabric.provenance));
   text += "\n[parameters]\n";
   const int rows = static_cast<int>(model_parameters(fabric.model).size());
-  for (int row = 0; row < rows; ++row) text += row_text(fabric, row);
+  for (int row = 0; row < rows; ++row) text += row_text(fabric, row, priors);
   return text;
 }
 
