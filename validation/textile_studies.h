@@ -37,5 +37,7 @@ void study_cusick(const StudyFolders& folders);
 void study_wang2011(const StudyFolders& folders);
 /// Strip and cantilever against closed forms, for every elastic model, by mesh.
 void study_closed_forms(const StudyFolders& folders);
+/// Bends from overhangs: by mesh, against the elastica; by width; from noisy readings.
+void study_overhang(const StudyFolders& folders);
 
 }  // namespace weft::validation

@@ -68,7 +68,8 @@ const std::vector<std::pair<std::string, std::function<void(const StudyFolders&)
       {"knits", study_knits},
       {"cusick", study_cusick},
       {"wang2011", study_wang2011},
-      {"closed_forms", study_closed_forms}};
+      {"closed_forms", study_closed_forms},
+      {"overhang", study_overhang}};
   return all;
 }
 
