@@ -243,9 +243,7 @@ void print_result(const FitResult& fit, const Report& report,
       "error {:.5g}, at the middle of the ranges {:.5g}; {} evaluations ({} replayed, {} "
       "diverged) in {:.1f} s\n",
       fit.final.error, fit.initial.error, fit.evaluations, fit.replayed, fit.diverged, fit.wall_s);
-  if (report.prior_error)
-    fmt::print("the priors add {:.3g} to the error, with weight {:.3g}\n", *report.prior_error,
-               fit.prior_weight);
+  fmt::print("{}", prior_line(report, fit.prior_weight));
   for (std::size_t i = 0; i < evaluations.size(); ++i) {
     const CaptureEvaluation& e = evaluations[i];
     fmt::print("{}: error per frame {:.5g} (fit frames)", report.captures[i].name, e.fit.error);
@@ -327,8 +325,7 @@ void run(const Arguments& arguments) {
   const std::filesystem::path out = arguments.out;
   const std::vector<Capture> captures = read_captures(arguments.videos);
   const Fabric initial = initial_fabric(arguments, captures.front());
-  std::vector<ParameterPrior> priors;
-  if (!arguments.initial.empty()) priors = find_priors(arguments.initial);
+  const std::vector<ParameterPrior> priors = priors_of(arguments.initial);
   if (!priors.empty() && arguments.method == "annealing")
     throw Error(
         fmt::format("{}: has priors, which --method annealing cannot weigh against the "
@@ -416,8 +413,6 @@ void run(const Arguments& arguments) {
 const std::vector<std::string> kVideoFitOptions{
     "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",
     "--iterations", "--simplex", "--no-variability", "--variability-curves"};
-const std::vector<std::string> kMechanicalFitOptions{"--residuals", "--force-noise",
-                                                     "--point-noise", "--cord-friction"};
 
 void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
@@ -439,7 +434,7 @@ void run_mechanical(const Arguments& arguments, const CLI::App& command) {
 void run_scan(const Arguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "scans");
   refuse_options(command, video_option_names(), "scans");
-  refuse_options(command, kMechanicalFitOptions, "scans");
+  refuse_options(command, cost_option_names(), "scans");
   refuse_options(command, {"--start"}, "scans");
   refuse_without(command, "--random-starts", {"--seed"});
   if (arguments.scan_fit.schedule != "alternating" && command.count("--rounds") > 0)
@@ -485,7 +480,7 @@ void run_by_kind(Arguments& arguments, const CLI::App& command) {
   refuse_options(command, CurveFitArguments::names(), "videos");
   if (arguments.tests.empty()) {
     refuse_options(command, MechanicalArguments::names(), "videos");
-    refuse_options(command, kMechanicalFitOptions, "videos");
+    refuse_options(command, cost_option_names(), "videos");
   } else {
     // The tests say where to start.
     refuse_options(command, {"--start", "--coarse", "--coarse-levels", "--coarse-frames"},
@@ -518,8 +513,8 @@ void add_fit(CLI::App& app) {
                       "to fit where --initial names no fabric (default: baraff-witkin; of "
                       "mechanical captures and scans stvk); `weft fabrics` lists them");
   command->add_option("--initial", arguments->initial,
-                      "preset or fabric.toml: values that are not searched, and the start with "
-                      "--start initial");
+                      "preset or fabric.toml: values that are not searched, the start with "
+                      "--start initial, and priors");
   command->add_option("--include", arguments->include,
                       "optional terms of the model to take in, at their defaults, such as "
                       "drag_normal_linear; `weft fabrics` lists them");
@@ -569,33 +564,7 @@ void add_fit(CLI::App& app) {
   arguments->trial.add_to(*command);
   arguments->mechanical.add_to(*command);
   arguments->curves.add_to(*command);
-  MechanicalFitArguments& mechanical = arguments->mechanical_fit;
-  command
-      ->add_option(
-          "--residuals", mechanical.residuals,
-          "mechanical captures: what is compared; auto: forces between clips, points where "
-          "one clip holds the cloth; poses of clips that known forces pull always are")
-      ->check(CLI::IsMember({"auto", "forces", "points", "both"}))
-      ->capture_default_str();
-  command
-      ->add_option("--force-noise", mechanical.force_noise,
-                   "mechanical captures: standard deviation of a force component, N")
-      ->check(number_in(1e-9, 1e3))
-      ->capture_default_str();
-  command
-      ->add_option(
-          "--point-noise", mechanical.point_noise,
-          "mechanical captures: standard deviation of a coordinate, m, also of a pulled clip "
-          "in a capture without clip_noise")
-      ->check(number_in(1e-9, 1))
-      ->capture_default_str();
-  command
-      ->add_option("--cord-friction", mechanical.cord_friction,
-                   "mechanical captures: the friction of the cords that pull the clips, one number "
-                   "a capture, found with the fabric; auto: of captures with drive = \"cords\"; "
-                   "fit: of all; none")
-      ->check(CLI::IsMember({"auto", "fit", "none"}))
-      ->capture_default_str();
+  add_cost_options(*command, arguments->mechanical_fit);
   command->add_flag(
       "--no-mesh-error", arguments->no_mesh_error,
       "intervals without what the width of the cells (of video the time steps, too) does, which "

@@ -10,6 +10,9 @@
 
 namespace weft::app {
 
+/// Setting in result.json of a fit in which warp has the values of weft.
+inline constexpr const char* kSymmetrySetting = "symmetry";
+
 class CurveFitArguments {
  public:
   void add_to(CLI::App& command);

@@ -29,11 +29,6 @@ Fabric start_fabric(const MechanicalFitArguments& arguments,
                       captures.front().areal_density, arguments.captures);
 }
 
-/// Damping and drag, which do nothing at rest.
-bool needs_motion(std::string_view name) {
-  return name.ends_with("_damping") || name.starts_with("drag_");
-}
-
 std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments,
                                          const Fabric& fabric) {
   for (const std::string& name : arguments.parameters) {
@@ -43,10 +38,7 @@ std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments
       throw Error(fmt::format("--parameters: {}", error.what()));
     }
   }
-  if (!arguments.parameters.empty()) return arguments.parameters;
-  std::vector<std::string> names = fabric.value_names();
-  std::erase_if(names, needs_motion);
-  return names;
+  return arguments.parameters.empty() ? names_at_rest(fabric) : arguments.parameters;
 }
 
 /// The rows of a fit of curves. Throws Error where --subdivide has none to work on.
@@ -54,7 +46,7 @@ std::vector<std::string> free_rows(const MechanicalFitArguments& arguments, cons
   std::vector<std::string> rows = arguments.parameters;
   if (rows.empty()) {
     for (const ParameterInfo& row : model_parameters(fabric.model))
-      if (fabric.value_count(row.name) > 0 && !needs_motion(row.name)) rows.emplace_back(row.name);
+      if (fabric.value_count(row.name) > 0 && acts_at_rest(row.name)) rows.emplace_back(row.name);
   }
   const auto may_be_curve = [&](const std::string& row) {
     const auto index = static_cast<std::size_t>(parameter_index(fabric.model, row));
@@ -115,6 +107,8 @@ Report make_report(const MechanicalFitArguments& arguments, const std::vector<st
       {"cells", static_cast<std::int64_t>(arguments.options.cells)},
       {std::string(intervals_setting), interval_contents(arguments.mesh_error, fit.mesh)},
       {"start", arguments.start}};
+  if (arguments.curves && arguments.curves->symmetry == ThreadSymmetry::isotropic)
+    report.settings.emplace_back(kSymmetrySetting, "isotropic");
   for (int i = 0; i < fit.fabric.values.size(); ++i) {
     const ParameterInfo info = fit.fabric.info(i);
     ReportParameter p = held_parameter(info, fit.fabric, initial_value(fit.start, info.name));
@@ -162,21 +156,20 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
   return result.dump(2) + "\n";
 }
 
-void print_result(const Report& report, std::size_t replayed,
+void print_result(const Report& report, const MechanicalFitResult& fit,
                   const std::vector<MechanicalCapture>& captures,
                   const std::vector<MechanicalEvaluation>& evaluations) {
   for (const ReportParameter& p : report.parameters) {
     if (!p.free) continue;
-    std::string certainty;
-    if (!p.determined)
-      certainty = "not determined by the data";
-    else if (p.interval_lower && p.interval_upper)
-      certainty = fmt::format("{:.4g} to {:.4g}", *p.interval_lower, *p.interval_upper);
+    std::string certainty = "not determined by the data";
+    for (const ParameterInterval& interval : fit.intervals)
+      if (interval.name == p.name) certainty = certainty_text(interval);
     if (p.at_bound != ReportParameter::Bound::none) certainty += ", at the end of its range";
     fmt::print("{:<20} {:>12.5g} {:<11} {}\n", p.name, p.value, p.unit, certainty);
   }
   fmt::print("error {:.5g}, at the start {:.5g}; {} evaluations ({} replayed) in {:.1f} s\n",
-             report.error, report.error_initial, report.evaluations, replayed, report.wall_s);
+             report.error, report.error_initial, report.evaluations, fit.replayed, report.wall_s);
+  fmt::print("{}", prior_line(report, fit.prior_weight));
   for (std::size_t i = 0; i < captures.size(); ++i) {
     fmt::print("{}: {}\n", captures[i].name, summary(evaluations[i]));
     fmt::print("{}", complaints(evaluations[i]));
@@ -235,14 +228,15 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
     names.push_back(captures.back().name);
   }
   const Fabric initial = start_fabric(arguments, captures);
-  refuse_priors(arguments.initial, "mechanical captures alone");
   if (arguments.curves) free_rows(arguments, initial);  // before the folder is made
   prepare_fit_folder(out, {kMechanicalStoreName},
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
   std::vector<std::shared_ptr<const MechanicalTrial>> trials;
   for (const MechanicalCapture& capture : captures)
     trials.push_back(prepare_mechanical(capture, arguments.options));
-  const CurveFitResult found = search(arguments, trials, initial, cost_options(arguments));
+  MechanicalCostOptions cost = cost_options(arguments);
+  cost.priors = priors_of(arguments.initial);
+  const CurveFitResult found = search(arguments, trials, initial, cost);
   const MechanicalFitResult& fit = found.fit;
   write_fabric(out / "fabric.toml", fit.fabric);
   auto frames =
@@ -252,6 +246,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   for (std::size_t i = 0; i < trials.size(); ++i)
     evaluations.push_back(compare_mechanical(*trials[i], frames[i]));
   Report report = make_report(arguments, found.free, fit, names);
+  add_priors(cost.priors, fit.fabric, fit.prior_weight, fit.prior_error, report);
   add_match_remarks(captures, evaluations, arguments.point_noise, report);
   MechanicalReport shown =
       report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,
@@ -260,7 +255,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   write_text(out / "result.json", result_text(report, captures, evaluations, found, shown));
   write_report_html(out / "report.html", report, {}, shown);
   fmt::print("{}", stage_lines(found));
-  print_result(report, fit.replayed, captures, evaluations);
+  print_result(report, fit, captures, evaluations);
   fmt::print("{}", cord_friction_lines(fit.cord_friction));
   fmt::print("{}\n", (out / "report.html").string());
   if (report.stopped) throw CLI::RuntimeError(stopped_early);

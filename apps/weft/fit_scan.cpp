@@ -74,6 +74,7 @@ Report make_report(const ScanFitArguments& arguments, const ScanProblem& problem
       {"descriptor", std::string(name_of(arguments.options.descriptor))},
       {"solver", std::string(problem.solver().name())},
       {"cells", static_cast<std::int64_t>(arguments.options.cells)},
+      {"registered cells", static_cast<std::int64_t>(arguments.options.raw.cells)},
       {"pattern", std::string(name_of(arguments.options.pattern))},
       {"schedule", arguments.schedule},
       {"balance", arguments.balance},
@@ -113,7 +114,8 @@ nlohmann::json intervals_json(const std::vector<ReportModulus>& moduli) {
   return intervals;
 }
 
-std::string result_text(const Report& report, const ScanProblem& problem, const ScanFitResult& fit,
+std::string result_text(const Report& report, const std::vector<std::string>& captures,
+                        const ScanProblem& problem, const ScanFitResult& fit,
                         const std::vector<ReportModulus>& moduli,
                         const std::vector<std::shared_ptr<const ScanTrial>>& trials,
                         const std::vector<ScanDifference>& differences) {
@@ -132,6 +134,7 @@ std::string result_text(const Report& report, const ScanProblem& problem, const 
   result["scan"] = {
       {is_orthotropic_sheet(fit.fabric) ? "moduli" : "values", material_json(problem, fit.fabric)},
       {"iterations", fit.iterations},
+      {"captures", captures},
       {"starts", ends},
       {"shape_rms", fit.shape_rms},
       {"force_rms", fit.force_rms},
@@ -145,8 +148,7 @@ void print_result(const ScanFitResult& fit, const Report& report,
                   const std::vector<std::shared_ptr<const ScanTrial>>& trials,
                   const std::vector<ScanDifference>& differences) {
   for (const ParameterInterval& p : fit.intervals) {
-    std::string certainty = p.determined ? fmt::format("{:.4g} to {:.4g}", p.lower, p.upper)
-                                         : "not determined by the data";
+    std::string certainty = certainty_text(p);
     if (p.at_lower || p.at_upper) certainty += ", at the end of its range";
     fmt::print("{:<20} {:>12.5g} {:<11} {}\n", p.name, p.value, p.unit, certainty);
   }
@@ -160,6 +162,7 @@ void print_result(const ScanFitResult& fit, const Report& report,
       "s\n",
       report.error, report.error_initial, fit.iterations, report.evaluations, fit.replayed,
       report.wall_s);
+  fmt::print("{}", prior_line(report, fit.prior_weight));
   for (std::size_t i = 0; i < trials.size(); ++i)
     fmt::print("{}{}", registration_summary(*trials[i]), scan_summary(*trials[i], differences[i]));
   for (const std::string& remark : report.remarks) fmt::print("warning: {}\n", remark);
@@ -193,13 +196,7 @@ void ScanFitArguments::add_to(CLI::App& command) {
   command.add_option("--rounds", rounds, "scans: of --schedule alternating")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
-  command
-      .add_option("--balance", balance,
-                  "scans: what divides shapes and forces before they are added: noise, as the "
-                  "capture states it, or residual, what is left of each target after a fit with "
-                  "noise, where that is more")
-      ->check(CLI::IsMember({"noise", "residual"}))
-      ->capture_default_str();
+  add_balance_to(command);
   command
       .add_option(
           "--random-starts", random_starts,
@@ -207,6 +204,24 @@ void ScanFitArguments::add_to(CLI::App& command) {
           "of 3 of the start, besides the one from there; the best end counts")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
+}
+
+void ScanFitArguments::add_balance_to(CLI::App& command) {
+  command
+      .add_option("--balance", balance,
+                  "scans: what divides shapes and forces before they are added: noise, as the "
+                  "capture states it, or residual, what is left of each target after a fit with "
+                  "noise, where that is more")
+      ->check(CLI::IsMember({"noise", "residual"}))
+      ->capture_default_str();
+}
+
+std::vector<std::shared_ptr<const ScanTrial>> prepare_scans(const ScanFitArguments& arguments) {
+  std::vector<std::shared_ptr<const ScanTrial>> trials;
+  for (const std::string& folder : arguments.captures)
+    for (const auto& trial : prepare_scan(read_scan_capture(folder), arguments.options))
+      trials.push_back(trial);
+  return trials;
 }
 
 const std::vector<std::string>& ScanFitArguments::names() {
@@ -236,10 +251,11 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   options.seed = arguments.seed;
   options.mesh_error = arguments.mesh_error;
   options.mesh_solver = arguments.mesh_solver;
-  refuse_priors(arguments.initial, "scans");
+  ScanCostOptions cost;
+  cost.priors = priors_of(arguments.initial);
   ScanProblem problem(
       trials, arguments.solver, initial,
-      arguments.parameters.empty() ? default_scan_parameters(initial) : arguments.parameters, {},
+      arguments.parameters.empty() ? default_scan_parameters(initial) : arguments.parameters, cost,
       arguments.threads);
   prepare_fit_folder(out, {kStoreName},
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
@@ -259,11 +275,12 @@ void run_scan_fit(const ScanFitArguments& arguments) {
   std::vector<ScanDifference> differences;
   for (std::size_t i = 0; i < trials.size(); ++i)
     differences.push_back(compare_scan(*trials[i], simulations[i]));
-  const Report report = make_report(arguments, problem, fit, names);
+  Report report = make_report(arguments, problem, fit, names);
+  add_priors(cost.priors, fit.fabric, fit.prior_weight, fit.prior_error, report);
   MechanicalReport shown = report_of_scan(captures, trials, simulations, differences);
   shown.moduli = report_moduli(problem, fit);
-  write_text(out / "result.json",
-             result_text(report, problem, fit, shown.moduli, trials, differences));
+  write_text(out / "result.json", result_text(report, arguments.captures, problem, fit,
+                                              shown.moduli, trials, differences));
   write_report_html(out / "report.html", report, {}, shown);
   print_result(fit, report, trials, differences);
   fmt::print("{}\n", (out / "report.html").string());

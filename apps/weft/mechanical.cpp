@@ -189,6 +189,59 @@ std::string summary(const MechanicalEvaluation& evaluation) {
   return text.empty() ? "nothing was measured" : text;
 }
 
+void add_cost_options(CLI::App& command, MechanicalFitArguments& arguments) {
+  command
+      .add_option("--residuals", arguments.residuals,
+                  "mechanical captures: what is compared; auto: forces between clips, points where "
+                  "one clip holds the cloth; poses of clips that known forces pull and overhangs "
+                  "always are")
+      ->check(CLI::IsMember({"auto", "forces", "points", "both"}))
+      ->capture_default_str();
+  command
+      .add_option("--force-noise", arguments.force_noise,
+                  "mechanical captures: standard deviation of a force component, N")
+      ->check(number_in(1e-9, 1e3))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--point-noise", arguments.point_noise,
+          "mechanical captures: standard deviation of a coordinate, m, also of a pulled clip "
+          "in a capture without clip_noise")
+      ->check(number_in(1e-9, 1))
+      ->capture_default_str();
+  command
+      .add_option("--cord-friction", arguments.cord_friction,
+                  "mechanical captures: the friction of the cords that pull the clips, one number "
+                  "a capture, found with the fabric; auto: of captures with drive = \"cords\"; "
+                  "fit: of all; none")
+      ->check(CLI::IsMember({"auto", "fit", "none"}))
+      ->capture_default_str();
+}
+
+const std::vector<std::string>& cost_option_names() {
+  static const std::vector<std::string> names{"--residuals", "--force-noise", "--point-noise",
+                                              "--cord-friction"};
+  return names;
+}
+
+std::vector<std::shared_ptr<const MechanicalTrial>> prepare_tests(
+    const MechanicalFitArguments& arguments) {
+  std::vector<std::shared_ptr<const MechanicalTrial>> trials;
+  for (const std::string& folder : arguments.captures)
+    trials.push_back(prepare_mechanical(read_mechanical_capture(folder), arguments.options));
+  return trials;
+}
+
+bool acts_at_rest(std::string_view name) {
+  return !name.ends_with("_damping") && !name.starts_with("drag_");
+}
+
+std::vector<std::string> names_at_rest(const Fabric& fabric) {
+  std::vector<std::string> names = fabric.value_names();
+  std::erase_if(names, [](const std::string& name) { return !acts_at_rest(name); });
+  return names;
+}
+
 MechanicalCostOptions cost_options(const MechanicalFitArguments& arguments) {
   MechanicalCostOptions cost;
   cost.residuals = mechanical_residuals_from_name(arguments.residuals);

@@ -69,8 +69,17 @@ struct MechanicalFitArguments {
   MechanicalOptions options;
   std::optional<CurveFitOptions> curves;  ///< `parameters` are rows then
 };
-/// What is compared.
+/// --residuals, --force-noise, --point-noise, --cord-friction, and their names: what is compared.
+void add_cost_options(CLI::App& command, MechanicalFitArguments& arguments);
+const std::vector<std::string>& cost_option_names();
+/// Without priors.
 MechanicalCostOptions cost_options(const MechanicalFitArguments& arguments);
+/// Reads and prepares the captures.
+std::vector<std::shared_ptr<const MechanicalTrial>> prepare_tests(
+    const MechanicalFitArguments& arguments);
+/// Parameters that act on cloth at rest: all values but damping and drag.
+bool acts_at_rest(std::string_view name);
+std::vector<std::string> names_at_rest(const Fabric& fabric);
 void run_mechanical_fit(const MechanicalFitArguments& arguments);
 
 /// In the output folder, what a fit that takes mechanical captures continues from.

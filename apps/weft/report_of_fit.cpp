@@ -95,11 +95,36 @@ Report report_of_rest(const Fabric& fabric, const std::vector<std::string>& capt
   return report;
 }
 
-void refuse_priors(const std::string& initial, std::string_view captures) {
-  if (initial.empty() || find_priors(initial).empty()) return;
-  throw Error(fmt::format(
-      "{}: has priors, which a fit to {} does not weigh; take them out of the file (keys prior)",
-      initial, captures));
+std::vector<ParameterPrior> priors_of(const std::string& initial) {
+  return initial.empty() ? std::vector<ParameterPrior>() : find_priors(initial);
+}
+
+void add_priors(const std::vector<ParameterPrior>& priors, const Fabric& fabric, double weight,
+                double error, Report& report) {
+  if (!(weight > 0)) return;
+  report.prior_error = error;
+  for (const ParameterPrior& prior : priors) {
+    const int first = fabric.first_value(prior.parameter),
+              end = first + fabric.value_count(prior.parameter);
+    for (int i = first; i < end; ++i)
+      for (ReportParameter& p : report.parameters) {
+        if (!p.free || p.name != fabric.info(i).name) continue;
+        p.prior_median = prior.median;
+        p.prior_factor = prior.factor;
+      }
+  }
+}
+
+std::string prior_line(const Report& report, double weight) {
+  if (!report.prior_error) return {};
+  return fmt::format("the priors add {:.3g} to the error, with weight {:.3g}\n",
+                     *report.prior_error, weight);
+}
+
+std::string certainty_text(const ParameterInterval& interval) {
+  if (!interval.bounded()) return "not determined by the data";
+  const std::string ends = fmt::format("{:.4g} to {:.4g}", interval.lower, interval.upper);
+  return interval.by_prior ? ends + ", of its prior: not determined by the data" : ends;
 }
 
 ReportParameter held_parameter(const ParameterInfo& info, const Fabric& fabric, double initial) {
@@ -127,6 +152,7 @@ std::optional<ReportCertainty> report_certainty(const ResidualCertainty& certain
   report.condition = certainty.condition;
   report.noise = 2;  // twice the variance of residuals over their noise
   report.dispersion = certainty.dispersion;
+  report.overdispersion = certainty.overdispersion;
   report.left_out = "each frame, shape or piece of a single shape";
   for (const ParameterInterval& interval : intervals) report.parameters.push_back(interval.name);
   report.correlation = certainty.correlation;

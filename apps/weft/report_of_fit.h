@@ -32,8 +32,16 @@ ReportPerturbation report_perturbation(const PerturbationCurve& curve);
 /// Title, fabric and how it was made, of a fit to captures at rest.
 Report report_of_rest(const Fabric& fabric, const std::vector<std::string>& captures,
                       std::uint64_t seed, int threads);
-/// Throws Error for a file --initial that states priors: a fit to `captures` does not weigh them.
-void refuse_priors(const std::string& initial, std::string_view captures);
+/// Those of the file --initial; none where it is not given.
+std::vector<ParameterPrior> priors_of(const std::string& initial);
+/// What a fit to captures at rest says of priors: beside the parameters that were searched, and
+/// what they add to the error, nothing without an effect (weight 0).
+void add_priors(const std::vector<ParameterPrior>& priors, const Fabric& fabric, double weight,
+                double error, Report& report);
+/// One line for the terminal; empty without priors.
+std::string prior_line(const Report& report, double weight);
+/// Interval, or what else is known, of a parameter that was searched, for the terminal.
+std::string certainty_text(const ParameterInterval& interval);
 /// A value that is not searched: neither free nor at a bound.
 ReportParameter held_parameter(const ParameterInfo& info, const Fabric& fabric, double initial);
 /// Interval and bounds of a parameter that is `factor` times what was searched.

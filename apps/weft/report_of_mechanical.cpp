@@ -32,7 +32,7 @@ class Spread {
       const double scaled = to_scaled(info, interval.value);
       const double slope =
           (from_scaled(info, scaled + kStep) - from_scaled(info, scaled - kStep)) / (2 * kStep);
-      half_widths_[i] = interval.determined ? slope * interval.half_width : 0;
+      half_widths_[i] = interval.bounded() ? slope * interval.half_width : 0;
     }
     correlation_ = MatX::Identity(n, n);
     for (Eigen::Index i = 0; i < n; ++i)

@@ -100,7 +100,7 @@ MatX interval_covariance(const ScanFitResult& fit) {
     for (Eigen::Index j = 0; j < n; ++j) {
       const ParameterInterval& a = fit.intervals[static_cast<std::size_t>(i)];
       const ParameterInterval& b = fit.intervals[static_cast<std::size_t>(j)];
-      if (!a.determined || !b.determined) continue;
+      if (!a.bounded() || !b.bounded()) continue;
       const double correlation = i == j ? 1 : fit.certainty.correlation(i, j);
       if (std::isfinite(correlation)) covariance(i, j) = correlation * a.half_width * b.half_width;
     }
@@ -168,7 +168,7 @@ std::vector<ReportModulus> report_moduli(const ScanProblem& problem, const ScanF
     bool known = true;
     for (Eigen::Index j = 0; j < derivative.cols(); ++j)
       known =
-          known && (derivative(i, j) == 0 || fit.intervals[static_cast<std::size_t>(j)].determined);
+          known && (derivative(i, j) == 0 || fit.intervals[static_cast<std::size_t>(j)].bounded());
     if (!known) continue;
     const double half =
         std::sqrt(std::max(0.0, derivative.row(i).dot(covariance * derivative.row(i).transpose())));

@@ -63,8 +63,12 @@ struct ScanFitArguments {
   std::shared_ptr<const EquilibriumSolver> mesh_solver;  ///< as in ScanFitOptions
 
   void add_to(CLI::App& command);
+  /// --balance alone.
+  void add_balance_to(CLI::App& command);
   static const std::vector<std::string>& names();
 };
+/// Reads and prepares the captures: their targets.
+std::vector<std::shared_ptr<const ScanTrial>> prepare_scans(const ScanFitArguments& arguments);
 void run_scan_fit(const ScanFitArguments& arguments);
 
 }  // namespace weft::app

@@ -49,17 +49,17 @@ struct Known {
 };
 
 /// Of a fit to cloth at rest: its intervals, each by itself. They hold what the noise does not, the
-/// cells and what the model lacks.
+/// cells and what the model lacks, and priors.
 MatX information_of_intervals(const Report& report, const Fabric& fabric) {
   constexpr double kConfidence = 0.9;  // of the intervals of result.json
   MatX information = MatX::Zero(fabric.values.size(), fabric.values.size());
   for (const ReportParameter& p : report.parameters) {
-    if (!p.free || !p.determined || !p.interval_lower || !p.interval_upper) continue;
+    if (!p.free || !p.interval_lower || !p.interval_upper) continue;
     const int i = fabric.value_index(p.name);
     const ParameterInfo info = fabric.info(i);
     const double half =
         0.5 * (to_scaled(info, *p.interval_upper) - to_scaled(info, *p.interval_lower));
-    if (!(half > 0) || !std::isfinite(half)) continue;
+    if (!(half > 0) || !std::isfinite(half)) continue;  // not known
     const double deviation = half / normal_half_width(kConfidence);
     information(i, i) = 1 / (deviation * deviation);
   }

@@ -242,13 +242,37 @@ TEST_F(Mechanical, ABiasExtensionIsTheShearOfTheIncrementalOrder) {
   EXPECT_LT(result["mechanical"][1]["force_relative"].get<double>(), 0.2);
 }
 
-TEST_F(Mechanical, PriorsThatWouldNotCountAreRefused) {
-  write("known.toml", fabric_to_toml(Fabric::with_defaults("known", "stvk")));
-  replace("known.toml", "membrane_uu = {", "membrane_uu = { prior = { median = 500, factor = 2 },");
-  const Outcome outcome =
-      weft({"fit", path("strip"), "--out", path("out"), "--initial", path("known.toml")});
-  EXPECT_EQ(outcome.status, 2);
-  EXPECT_THAT(outcome.err, HasSubstr("known.toml: has priors"));
+// Along the threads a strip says nothing of the shear: that is its prior, and is told so.
+TEST_F(Mechanical, AStripAloneLeavesTheShearToItsPrior) {
+  Fabric known = Fabric::with_defaults("known", "soft-constraints");
+  known.set("shear", 50);
+  write("known.toml", fabric_to_toml(known));
+  replace("known.toml", "\nshear = {", "\nshear = { prior = { median = 20, factor = 2 },");
+  const std::vector<std::string> words{"fit",          path("strip"),      "--out",   path("out"),
+                                       "--initial",    path("known.toml"), "--cells", "3",
+                                       "--parameters", "weft_stretch",     "shear"};
+  const Outcome outcome = weft(words);
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("of its prior: not determined by the data"));
+  EXPECT_THAT(outcome.out, HasSubstr("the priors add"));
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  const json& shear = result["parameters"]["shear"];
+  EXPECT_NEAR(shear["value"].get<double>(), 20, 0.02);
+  EXPECT_FALSE(shear["determined"]);
+  EXPECT_EQ(shear["prior"]["factor"], 2);
+  // 1.645 standard deviations of log 2.
+  EXPECT_NEAR(shear["interval_upper"].get<double>(), 20 * std::pow(2, 1.645), 0.1);
+  EXPECT_NEAR(shear["interval_lower"].get<double>(), 20 / std::pow(2, 1.645), 0.02);
+  EXPECT_TRUE(result["parameters"]["weft_stretch"]["determined"]);
+  EXPECT_FALSE(result["parameters"]["weft_stretch"].contains("prior"));
+  EXPECT_GE(result["prior_error"], 0);
+  EXPECT_GE(result["certainty"]["overdispersion"], 1);
+  EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("of its prior"));
+  // The run's evaluations are of these priors.
+  replace("known.toml", "factor = 2", "factor = 3");
+  std::filesystem::remove(folder_ / "out/result.json");
+  const Outcome other = weft(words);
+  EXPECT_EQ(other.status, 2) << other.out;
 }
 
 TEST_F(Mechanical, IntervalsSayWhatTheMeshDoes) {

@@ -115,6 +115,53 @@ TEST(EstimateScatter, PriorsNarrow) {
   EXPECT_NEAR(half_width(tied, 1, 0.9), half_width(free, 1, 0.9), 1e-12);
 }
 
+// What no part shows is as wide as the prior, whatever Student's t of the parts is.
+TEST(EstimateScatter, WithoutDataIsThePrior) {
+  auto parts = opposed_parts(Vec2(2, 0), 0.6);
+  for (CostPart& part : parts) part.gradient[1] = 0;
+  const double weight = 0.3, deviation = 0.07, precision = 1 / (deviation * deviation);
+  const MatX unit = Vec2(0, 1).asDiagonal();
+  const PriorTerm prior{Vec2(0, 0), weight * precision * unit, weight * weight * precision * unit};
+  QuadraticModel model = sum_of(parts);
+  model.hessian += prior.hessian;
+  const EstimateScatter scatter = scatter_of(Vec2(0.4, 0.5), model, parts, 0.1, 1, prior);
+  EXPECT_TRUE(scatter.determined(1));
+  EXPECT_NEAR(scatter.prior[1], deviation * deviation, 1e-12);
+  EXPECT_NEAR(half_width(scatter, 1, 0.9), normal_half_width(0.9) * deviation, 1e-12);
+  EXPECT_EQ(scatter.prior[0], 0);
+}
+
+// Parts that agree do not scatter, though each is left by a prior's pull with a gradient.
+TEST(EstimateScatter, APullIsNoScatter) {
+  auto parts = opposed_parts(VecX::Constant(1, 2), 0);
+  parts[0].hessian *= 3;
+  const double away = 0.05;  // from where the parts have their minimum
+  for (CostPart& part : parts) part.gradient = part.hessian * VecX::Constant(1, away);
+  QuadraticModel model = sum_of(parts);
+  const PriorTerm prior{-model.gradient, 4 * MatX::Identity(1, 1), MatX::Zero(1, 1)};
+  model.gradient.setZero();
+  model.hessian += prior.hessian;
+  const EstimateScatter scatter = scatter_of(VecX::Constant(1, 0.4), model, parts, 0, 1, prior);
+  EXPECT_NEAR(scatter.covariance(0, 0), 0, 1e-15);
+}
+
+// Of a single test of bending the noise decides, however wide the prior that would be left.
+TEST(EstimateScatter, OnePartDecidesAloneBesideAPrior) {
+  auto parts = opposed_parts(Vec2(2, 0), 0.6);
+  CostPart bend{1, 0, Vec2(0, 0), MatX::Zero(2, 2)};
+  bend.hessian(1, 1) = 50;
+  parts.push_back(bend);
+  const double dispersion = 0.1, precision = 20;
+  const MatX unit = Vec2(0, 1).asDiagonal();
+  const PriorTerm prior{Vec2(0, 0), dispersion * precision * unit,
+                        dispersion * dispersion * precision * unit};
+  QuadraticModel model = sum_of(parts);
+  model.hessian += prior.hessian;
+  const EstimateScatter scatter = scatter_of(Vec2(0.4, 0.5), model, parts, dispersion, 1, prior);
+  EXPECT_NEAR(scatter.covariance(1, 1), 1 / (50 / dispersion + precision), 1e-12);
+  EXPECT_NEAR(scatter.covariance(0, 0), 4.0 / 5 * 2 * 0.01, 1e-12);  // (K - 1) / K 2 (0.6 / 6)^2
+}
+
 TEST(EstimateScatter, CorrelationOfWhatHasNoVarianceIsNotANumber) {
   MatX covariance = MatX::Zero(3, 3);
   covariance.topLeftCorner(2, 2) << 4, -3, -3, 9;

@@ -9,6 +9,7 @@
 #include "common/gradient_check.h"
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
+#include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/scan_synthetic.h"
 #include "weft/fabric/orthotropic.h"
 
@@ -136,6 +137,45 @@ TEST(ScanFit, FindsWhatMadeTheTargets) {
     EXPECT_EQ(fit.fabric.value("bend_twist"), 0.5 * fit.fabric.value("bend_uu"));
     EXPECT_EQ(fit.ends.size(), 1u);
   }
+}
+
+// A sheet pulled flat says of its bend less than a prior of 0.1 %, whose value and width it then
+// has. Of each of the values that `bend` stands for a prior counts.
+TEST(ScanFit, PriorsAreWeighed) {
+  ScanSynthesis synthesis;
+  synthesis.stated_noise = 1e-5;
+  synthesis.stated_force_noise = 1e-3;
+  const Made made = make_of({edge_stretch(kSide, kSide, ScanAxis::u, 0.05, 5e-4),
+                             edge_stretch(kSide, kSide, ScanAxis::v, 0.05, 5e-4)},
+                            kCells, synthesis);
+  const auto trials = prepare_scan(made.capture, made.shapes, ScanOptions());
+  const auto fit = [&](const std::vector<ParameterPrior>& priors) {
+    ScanCostOptions cost;
+    cost.priors = priors;
+    Fabric start = true_fabric();
+    start.set("membrane_uu", 2 * start.value("membrane_uu"));
+    return fit_scan(ScanProblem(trials, make_static_solver(), start, {"membrane_uu", "bend"}, cost),
+                    start);
+  };
+  const double half = normal_half_width(0.9) * std::log(1.001);
+  for (const int count : {1, 2}) {
+    std::vector<ParameterPrior> priors{{"bend_uu", 4e-5, 1.001}};
+    if (count == 2) priors.push_back({"bend_vv", 4e-5, 1.001});
+    const ScanFitResult found = fit(priors);
+    EXPECT_NEAR(found.fabric.value("bend_uu") / 4e-5, 1, 1e-4);
+    EXPECT_NEAR(found.fabric.value("membrane_uu") / true_fabric().value("membrane_uu"), 1, 1e-2);
+    const ParameterInterval& bend = found.intervals[1];
+    EXPECT_TRUE(bend.by_prior);
+    EXPECT_NEAR(std::log(bend.upper / bend.value), half / std::sqrt(count), 0.02 * half);
+    EXPECT_TRUE(found.intervals[0].determined);
+    EXPECT_GT(found.prior_weight, 0);
+  }
+  // A prior that says what is so changes nothing but the certainty.
+  const ScanFitResult without = fit({}),
+                      with = fit({{"membrane_uu", true_fabric().value("membrane_uu"), 1.001}});
+  EXPECT_EQ(without.prior_weight, 0);
+  EXPECT_EQ(without.prior_error, 0);
+  EXPECT_LE(with.intervals[0].half_width, without.intervals[0].half_width);
 }
 
 // Threads and diagonals that act in tension only, from a truth on finer cells: shapes and forces

@@ -62,6 +62,22 @@ TEST(ReportWarnings, NameParametersThatAreNotDeterminedOrAtABound) {
   EXPECT_EQ(warnings.back(), "A remark.");
 }
 
+TEST(ReportWarnings, SayWhatIsOfAPrior) {
+  Report report = sound_report();
+  ReportParameter& p = report.parameters[0];
+  p.determined = false;
+  p.prior_median = p.prior_factor = 2;
+  p.interval_lower = 0.5 * p.value;
+  p.interval_upper = 2 * p.value;
+  EXPECT_TRUE(is_of_prior(p));
+  const auto warnings = report_warnings(report);
+  EXPECT_THAT(warnings, Contains(HasSubstr("say little of " + p.name + " beside its prior")));
+  EXPECT_THAT(warnings, Not(Contains(HasSubstr("do not determine"))));
+  p.interval_upper = infinity;
+  EXPECT_FALSE(is_of_prior(p));
+  EXPECT_THAT(report_warnings(report), Contains(HasSubstr("do not determine")));
+}
+
 TEST(ReportWarnings, LeaveHeldParametersAlone) {
   Report report = sound_report();
   report.parameters[0].free = false;

@@ -39,6 +39,7 @@ std::string changed(const std::function<void(json&)>& change) {
 TEST(Result, CertaintyComesBackWithWhatIsNotFinite) {
   Report report = sample_report();
   report.certainty->condition = infinity;
+  report.certainty->overdispersion = 1.5;
   const json file = json::parse(result_to_json(report));
   const json& certainty = file["certainty"];
   EXPECT_EQ(certainty["condition"], nullptr);
@@ -54,6 +55,7 @@ TEST(Result, CertaintyComesBackWithWhatIsNotFinite) {
   EXPECT_EQ(back.certainty->condition, infinity);
   EXPECT_EQ(back.certainty->noise, 1.25);
   EXPECT_EQ(back.certainty->dispersion, 1e-4);
+  EXPECT_EQ(back.certainty->overdispersion, 1.5);
   EXPECT_EQ(back.certainty->frames_per_cluster, 5);
   EXPECT_EQ(back.parameters[0].prior_median, 2e-5);
   EXPECT_EQ(back.parameters[0].prior_factor, 3);

@@ -100,6 +100,12 @@ void check(const CurveFitOptions& options) {
   if (!options.cost.ties.empty()) throw Error("ties of a curve fit follow from its symmetry");
 }
 
+/// What a cost is weighed by: those of different weights say nothing of each other.
+struct Weights {
+  ForceWeights forces;
+  double priors = 0;  ///< 0: as a problem begins
+};
+
 class CurveFitter {
  public:
   CurveFitter(const Trials& trials, const Fabric& start, const std::vector<std::string>& rows,
@@ -125,7 +131,7 @@ class CurveFitter {
     MechanicalShapes shapes;
     const auto assess = stopped_ ? assess_stopped : assess_mechanical;
     result.fit = assess(problem(all, fabric_), fabric_, options_.fit, &shapes);
-    const MechanicalProblem at_start = problem(all, start, result.fit.weights);
+    const MechanicalProblem at_start = problem(all, start, weights_of(result.fit));
     const Replays replays(at_start);
     shapes = at_start.as_starts(shapes, "start");
     result.fit.cost_start = at_start.cost(at_start.scaled(start), nullptr, &shapes);
@@ -176,6 +182,12 @@ class CurveFitter {
     for (const std::string& row : rows_) {
       const std::string partner = partner_of(row);
       if (partner.empty() || fabric_.value_count(partner) == 0) continue;
+      for (const ParameterPrior& prior : options_.cost.priors)
+        if (prior.parameter == partner)
+          throw Error(
+              fmt::format("prior of \"{}\": it has the value of \"{}\" in an isotropic "
+                          "fabric; state there what is known",
+                          partner, row));
       tied_.push_back({partner, row});
       followers.push_back(partner);
     }
@@ -296,8 +308,14 @@ class CurveFitter {
     return result;
   }
 
+  static Weights weights_of(const MechanicalFitResult& fit) {
+    return {fit.weights, fit.prior_weight};
+  }
+  /// What a fit minimized, at its end.
+  static double minimized(const MechanicalFitResult& fit) { return fit.cost + fit.prior_error; }
+
   MechanicalProblem problem(const Group& group, const Fabric& fabric,
-                            const ForceWeights& weights = {}) const {
+                            const Weights& weights = {}) const {
     MechanicalCostOptions cost = options_.cost;
     cost.forces = forces_of(group);
     const std::vector<std::string> searched = searched_rows(group);
@@ -311,7 +329,8 @@ class CurveFitter {
       }
     }
     MechanicalProblem result(group.trials, fabric, names(group, fabric), cost, options_.threads);
-    result.weigh_by(weights);
+    result.weigh_by(weights.forces);
+    if (weights.priors > 0) result.weigh_priors(weights.priors);
     result.keep_in(options_.store);
     return result;
   }
@@ -325,7 +344,7 @@ class CurveFitter {
   };
 
   MechanicalFitResult fit(const Group& group, const Fabric& from, const std::string& name,
-                          const ForceWeights& weights, MechanicalShapes& near) {
+                          const Weights& weights, MechanicalShapes& near) {
     const MechanicalProblem p = problem(group, from, weights);
     const MechanicalFitObserver observer = [&](const MechanicalFitStep& step) {
       if (observer_ && !observer_(name, step)) stopped_ = true;
@@ -361,7 +380,7 @@ class CurveFitter {
   /// A fit from `from`, noted as a stage. `weights` to begin with; none: those of `from`. `near`:
   /// equilibria to begin with, then those of the end.
   MechanicalFitResult stage(const Group& group, const Fabric& from, int pass, int points,
-                            MechanicalShapes& near, const ForceWeights& weights = {}) {
+                            MechanicalShapes& near, const Weights& weights = {}) {
     const std::string name =
         (points > 1 ? fmt::format("{}, {} points", group.name, points) : group.name) +
         (group.cells == Cells::half ? ", half the cells" : "");
@@ -463,12 +482,12 @@ class CurveFitter {
       if (!searched || first == first_pass_.end()) continue;
       const MechanicalFitResult& before = first->second;
       const auto less_pays = [&](double cost) {
-        return pays(group, cost, before.cost, before.residual_count);
+        return pays(group, cost, minimized(before), before.residual_count);
       };
       if (!less_pays(cost_of(group, fabric_, before))) continue;
       Shapes shapes(group);
       const MechanicalFitResult again =
-          stage(group, fabric_, 1, most_points_of(group), shapes.here, before.weights);
+          stage(group, fabric_, 1, most_points_of(group), shapes.here, weights_of(before));
       result_.stages.back().kept = !less_pays(again.cost_first);
       if (!result_.stages.back().kept) return true;
       fabric_ = again.fabric;
@@ -512,9 +531,10 @@ class CurveFitter {
                        [](const ParameterInterval& p) { return p.at_lower || p.at_upper; });
   }
 
+  /// By the tests, or by a prior.
   static bool is_determined(const MechanicalFitResult& found) {
     return std::all_of(found.intervals.begin(), found.intervals.end(),
-                       [](const ParameterInterval& p) { return p.determined; });
+                       [](const ParameterInterval& p) { return p.bounded(); });
   }
 
   /// Begins rows of the diagonal bend in the proportion to the other bends that they have in the
@@ -550,9 +570,10 @@ class CurveFitter {
     for (int points = 2; points <= options_.most_points && !stopped_; ++points) {
       Fabric finer = fabric_;
       if (!place_points(group, points, shapes.here, finer)) break;
-      Kept found = at_last_stage(stage(group, finer, pass, points, shapes.here, kept.fit.weights));
+      Kept found =
+          at_last_stage(stage(group, finer, pass, points, shapes.here, weights_of(kept.fit)));
       result_.stages[found.stage].kept =
-          pays(group, kept.fit.cost, found.fit.cost_first, found.fit.residual_count) &&
+          pays(group, minimized(kept.fit), found.fit.cost_first, found.fit.residual_count) &&
           pays_on_finer_cells(group, kept, found, shapes);
       if (!result_.stages[found.stage].kept) break;
       fabric_ = found.fit.fabric;
@@ -568,7 +589,8 @@ class CurveFitter {
     Fabric constant = before.fabric;
     if (most_points_of(group) == 1 || !place_points(group, 1, shapes.here, constant)) return;
     const std::size_t first = result_.stages.size();
-    const MechanicalFitResult found = stage(group, constant, pass, 1, shapes.here, before.weights);
+    const MechanicalFitResult found =
+        stage(group, constant, pass, 1, shapes.here, weights_of(before));
     fabric_ = found.fabric;
     subdivide(group, at_last_stage(found), shapes, pass);
     const double most = (1 + options_.least_reduction) * cost_of(group, before.fabric, before);
@@ -577,11 +599,12 @@ class CurveFitter {
     for (std::size_t i = first; i < result_.stages.size(); ++i) result_.stages[i].kept = false;
   }
 
-  /// With the weights of `fit`.
+  /// With the weights of `fit`, and what priors add.
   double cost_of(const Group& group, const Fabric& fabric, const MechanicalFitResult& fit) {
-    const MechanicalProblem p = problem(group, fabric, fit.weights);
+    const MechanicalProblem p = problem(group, fabric, weights_of(fit));
     const Replays replays(p);
-    const double cost = p.cost(p.scaled(fabric));
+    const VecX scaled = p.scaled(fabric);
+    const double cost = p.cost(scaled) + p.priors().cost(scaled);
     ++result_.fit.evaluations;
     result_.fit.replayed += replays.since();
     return cost;
@@ -609,10 +632,10 @@ class CurveFitter {
   bool pays_on_finer_cells(const Group& group, const Kept& kept, const Kept& found,
                            Shapes& shapes) {
     if (options_.fit.mesh_error == MeshError::left_out || stopped_) return true;
-    const ForceWeights& weights = kept.fit.weights;
+    const Weights weights = weights_of(kept.fit);
     double& before = result_.stages[kept.stage].finer_cost;
     double& after = result_.stages[found.stage].finer_cost;
-    if (std::isnan(before) || !weights.empty())
+    if (std::isnan(before) || !weights.forces.empty() || weights.priors > 0)
       before = cost_on_finer_cells(group, kept.fit.fabric, weights, shapes);
     if (std::isnan(before)) return true;
     after = cost_on_finer_cells(group, found.fit.fabric, weights, shapes);
@@ -620,8 +643,8 @@ class CurveFitter {
   }
 
   /// The least that the rows of `group` reach there, to second order about `estimate`.
-  double cost_on_finer_cells(const Group& group, const Fabric& estimate,
-                             const ForceWeights& weights, Shapes& shapes) {
+  double cost_on_finer_cells(const Group& group, const Fabric& estimate, const Weights& weights,
+                             Shapes& shapes) {
     const double unknown = std::numeric_limits<double>::quiet_NaN();
     const MechanicalProblem here = problem(group, estimate, weights);
     const VecX scaled = here.scaled(estimate);
@@ -632,7 +655,7 @@ class CurveFitter {
     ++result_.fit.evaluations;
     result_.fit.replayed += replays.since();
     if (!std::isfinite(finer->model.cost)) return unknown;
-    return least_cost(scaled, finer->model, residual_noise(here));
+    return least_cost(scaled, with_priors(here, scaled, finer->model), residual_noise(here));
   }
 
   /// Equidistant over the strains that occur. False where no row of the group takes any.
@@ -831,7 +854,7 @@ CurveBand curve_band(const MechanicalFitResult& fit, std::string_view row, const
       way[j] = std::abs(weight) > kNoWeight
                    ? weight * interval.half_width * std::log(info.upper / info.lower)
                    : 0;
-      bounded = bounded && (interval.determined || way[j] == 0);
+      bounded = bounded && (interval.bounded() || way[j] == 0);
     }
     double square = 0;
     for (int i = 0; i < count; ++i)

@@ -63,9 +63,11 @@ struct CurveFitOptions {
   /// included it must do both on cells of half the width, in the least cost to second order about
   /// the estimate: what pays on the cells of the fit alone follows their error.
   double least_reduction = 0.01;
-  int passes = 2;              ///< of the incremental order, >= 1
-  MechanicalCostOptions cost;  ///< without ties; `forces` is chosen by the order
-  MechanicalFitOptions fit;    ///< `first_cells`: of the first fit of a component
+  int passes = 2;  ///< of the incremental order, >= 1
+  /// Without ties; `forces` is chosen by the order. Each step has the priors of the rows that it
+  /// searches; costs that are compared have them with one weight.
+  MechanicalCostOptions cost;
+  MechanicalFitOptions fit;  ///< `first_cells`: of the first fit of a component
   int threads = 0;
   /// Evaluations are taken from there, or added; null: none are kept. Of fit_fingerprint().
   std::shared_ptr<MechanicalStore> store;
@@ -81,8 +83,8 @@ struct CurveFitStage {
   /// those of before.
   bool kept = false;
   double cost_start = 0, cost = 0;
-  /// On cells of half the width, where that was asked; else, and where it is not known, not a
-  /// number.
+  /// On cells of half the width, with what priors add, where that was asked; else, and where it is
+  /// not known, not a number.
   double finer_cost = std::numeric_limits<double>::quiet_NaN();
   std::size_t evaluations = 0;
   double wall_s = 0;
@@ -111,7 +113,8 @@ using CurveFitObserver = std::function<bool(const std::string&, const Mechanical
 /// Fits `rows` (of the model's table; a curve's values all together; empty: all that `start` has).
 /// Where the start of a stage has no equilibrium its parameters are tried at 10, 1/10, 100 and
 /// 1/100 times their values. Throws Error where none has, for rows that are not there, for a model
-/// without components along the threads if the order is incremental, and options out of range.
+/// without components along the threads if the order is incremental, priors of rows that follow
+/// others, and options out of range.
 CurveFitResult fit_curves(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
                           const Fabric& start, const std::vector<std::string>& rows,
                           const CurveFitOptions& options = {},

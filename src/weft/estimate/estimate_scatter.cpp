@@ -15,6 +15,25 @@ double two_sided_quantile(double confidence, double degrees_of_freedom) {
   return student_quantile(0.5 + 0.5 * confidence, degrees_of_freedom);
 }
 
+/// Those that a single cluster determines.
+MatX lone_directions(const ClusterCovariance& found) {
+  return found.undetermined.rightCols(found.undetermined.cols() - found.without_data);
+}
+
+/// A prior pulls the estimate from the parts' own; that all of them pull back is no scatter. So
+/// their gradients are taken where they would balance without it.
+void take_out_pull(std::vector<CostPart>& parts) {
+  const Eigen::Index n = parts.front().gradient.size();
+  VecX gradient = VecX::Zero(n);
+  MatX hessian = MatX::Zero(n, n);
+  for (const CostPart& part : parts) {
+    gradient += part.gradient;
+    hessian += part.hessian;
+  }
+  const VecX step = pseudo_inverse(hessian) * gradient;
+  for (CostPart& part : parts) part.gradient -= part.hessian * step;
+}
+
 }  // namespace
 
 std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient) {
@@ -41,18 +60,36 @@ EstimateScatter scatter_of(const VecX& scaled, const QuadraticModel& model,
   EstimateScatter scatter;
   scatter.free = inside_bounds(scaled, model.gradient);
   scatter.covariance = MatX::Zero(n, n);
-  scatter.noise = scatter.undetermined = VecX::Zero(n);
+  scatter.noise = scatter.undetermined = scatter.prior = VecX::Zero(n);
   scatter.parts = parts.size();
   const auto& free = scatter.free;
   if (free.empty()) return scatter;
   const MatX hessian = model.hessian(free, free);
+  std::vector<CostPart> own = of_parameters(free, parts);
+  PriorTerm known = of_parameters(free, prior);
+  const bool with_prior = known.gradient.size() > 0;
+  if (with_prior) {
+    take_out_pull(own);
+    known.gradient.setZero();
+  }
   const ClusterCovariance found =
-      cluster_covariance(of_parameters(free, parts), of_parameters(free, prior));
+      with_prior ? cluster_covariance(own, known, lone_directions(cluster_covariance(own)))
+                 : cluster_covariance(own);
   scatter.condition = found.condition;
-  const MatX noise = dispersion * pseudo_inverse(hessian);
-  const MatX lone = found.undetermined.rightCols(found.undetermined.cols() - found.without_data);
-  scatter.covariance(free, free) =
-      found.covariance + alone * lone * (lone.transpose() * noise * lone) * lone.transpose();
+  const MatX lone = lone_directions(found);
+  const auto along_lone = [&](const MatX& matrix) {
+    return MatX(lone * (lone.transpose() * matrix * lone) * lone.transpose());
+  };
+  const MatX inverse = pseudo_inverse(hessian);
+  MatX noise = dispersion * inverse, noise_alone = alone * noise;
+  if (with_prior) {
+    const MatX by_data = dispersion * inverse * (hessian - known.hessian) * inverse,
+               by_prior = inverse * known.gradient_covariance * inverse;
+    noise = by_data + by_prior;
+    noise_alone = alone * by_data + by_prior;
+    scatter.prior(free) = VecX((found.of_prior + along_lone(by_prior)).diagonal());
+  }
+  scatter.covariance(free, free) = found.covariance + along_lone(noise_alone);
   scatter.undetermined(free) =
       VecX(found.undetermined.leftCols(found.without_data).rowwise().squaredNorm());
   const auto left_open = scatter.undetermined(free).array() >= kLeastLost;
@@ -64,8 +101,10 @@ double half_width(const EstimateScatter& scatter, Eigen::Index i, double confide
   const double t = scatter.parts < 2
                        ? normal_half_width(confidence)
                        : two_sided_quantile(confidence, static_cast<double>(scatter.parts) - 1);
-  return std::max(t * std::sqrt(scatter.covariance(i, i)),
-                  normal_half_width(confidence) * std::sqrt(scatter.noise[i]));
+  const double normal = normal_half_width(confidence), prior = scatter.prior[i],
+               data = std::max(0.0, scatter.covariance(i, i) - prior);
+  return std::max(std::sqrt(t * t * data + normal * normal * prior),
+                  normal * std::sqrt(scatter.noise[i]));
 }
 
 MatX correlation_of(const MatX& covariance) {

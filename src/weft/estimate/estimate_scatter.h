@@ -12,6 +12,7 @@ struct EstimateScatter {
   /// Of the jackknife (uncertainty.h); in directions that one part decides alone, by the noise.
   /// Zero for held ones.
   MatX covariance;
+  VecX prior;  ///< what of its variances the prior's own width makes; zero without one
   /// Variances by the noise alone; zero for held ones, infinite for what no part determines.
   VecX noise;
   VecX undetermined;     ///< share of a parameter that no part determines, 0 to 1
@@ -29,14 +30,20 @@ std::vector<Eigen::Index> inside_bounds(const VecX& scaled, const VecX& gradient
 /// Parameters at a bound towards which the cost falls are held. The noise's covariance is
 /// `dispersion` times the inverse of the cost's Gauss-Newton matrix, where that is not singular.
 /// Where one part decides alone nothing can be left out: there it is what counts, `alone` times, >=
-/// 1; with a single part everywhere. `prior`: besides the parts, never left out; empty: nothing.
-/// Throws Error as cluster_covariance(), and for no parts.
+/// 1; with a single part everywhere. Throws Error as cluster_covariance(), and for no parts.
+///
+/// `prior`: besides the parts, never left out, and in the model's gradient and matrix; empty:
+/// nothing. What one part decides alone is told from the parts: without that one the prior would
+/// be left, which says nothing of how sure the part is. The parts' gradients are taken where they
+/// balance without the prior. The noise's covariance is then A^-1
+/// (dispersion H + V) A^-1 with A the model's matrix, H the parts' and V the covariance of the
+/// prior's gradient.
 EstimateScatter scatter_of(const VecX& scaled, const QuadraticModel& model,
                            const std::vector<CostPart>& parts, double dispersion, double alone = 1,
                            const PriorTerm& prior = {});
 
-/// Of the interval to either side: the jackknife's, with Student's t, but at least as wide as the
-/// noise alone makes it.
+/// Of the interval to either side: the jackknife's, with Student's t (the prior's part of it is
+/// normal), but at least as wide as the noise alone makes it.
 double half_width(const EstimateScatter& scatter, Eigen::Index i, double confidence);
 
 /// -1 to 1; NaN where a variance is zero.

@@ -1,13 +1,12 @@
 #include "weft/estimate/mechanical_data.h"
 
-#include <algorithm>
 #include <cmath>
 #include <map>
 #include <mutex>
 #include <vector>
 
 #include "weft/base/error.h"
-#include "weft/estimate/mesh_error.h"
+#include "weft/estimate/residual_intervals.h"
 
 namespace weft {
 namespace {
@@ -38,15 +37,7 @@ double dispersion_at(const MechanicalProblem& problem, const VecX& estimate) {
   const MechanicalProblem::Linearization found = problem.linearize(estimate);
   if (!std::isfinite(found.model.cost))
     throw Error("the mechanical captures cannot be computed where they fit best by themselves");
-  // The cost is a mean of squares.
-  const double noise = residual_noise(problem);
-  // A single frame has no scatter; its residuals are then taken to be independent.
-  double dispersion = noise * found.model.cost;
-  if (found.parts.size() >= 2) {
-    const double scatter = cluster_dispersion(found.parts);
-    if (std::isfinite(scatter)) dispersion = scatter;
-  }
-  return std::max(dispersion, noise);
+  return residual_dispersion(found.parts, found.model.cost, problem.residual_count());
 }
 
 }  // namespace

@@ -27,6 +27,7 @@ constexpr int kEnoughSteps = 2;
 /// Of a search with new weights: they have not changed where it ends.
 constexpr double kEnoughByWeights = 0.1;
 constexpr int kMostSearches = 8;
+constexpr double kSameWeight = 1.01;  // of the priors
 /// Pieces of a single shape, and points of one: residuals of neighbours depend on each other.
 constexpr Eigen::Index kMostPieces = 8, kLeastPiece = 2;
 
@@ -92,6 +93,9 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
     residual_count_ += count;
   }
   for (std::size_t t = 0; t < trials_.size(); ++t) add_friction(t);
+  priors_ = WeighedPriors(
+      options.priors, dimension(), [&](const VecX& x) { return this->fabric(x); },
+      residual_noise(*this));
 }
 
 void MechanicalProblem::add_friction(std::size_t t) {
@@ -687,6 +691,7 @@ class WithFriction {
 
   const std::vector<ParameterInfo>& infos() const { return infos_; }
   std::size_t residual_count() const { return problem_.residual_count(); }
+  const WeighedPriors& priors() const { return problem_.priors(); }
   WithFriction refined() const { return WithFriction(problem_.refined()); }
 
   VecX scaled(const VecX& free, const VecX& friction) const {
@@ -750,7 +755,7 @@ void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
   // Friction is free here even at zero, of which the fabric is not sure.
   ResidualIntervals intervals =
       residual_intervals(joint.infos(), x, all.model, found.parts, problem.residual_count(),
-                         options.confidence, mesh_halves);
+                         options.confidence, mesh_halves, problem.priors().term(scaled, x.size()));
   const std::vector<ParameterInterval> frictions(intervals.intervals.begin() + n,
                                                  intervals.intervals.end());
   intervals.intervals.resize(at(n));
@@ -777,6 +782,7 @@ std::string fit_fingerprint(const MechanicalProblem& problem, const Fabric& star
        {search.step_tolerance, search.cost_tolerance, search.initial_damping, search.largest_step})
     hash.add(value);
   hash.add(options.first_cells);
+  problem.priors().add_to(hash);
   return hash.hex();
 }
 
@@ -829,15 +835,30 @@ class FitSearch {
     return true;
   }
 
+  /// By the dispersion of the residuals at `x`. False where that is as it was, or not known.
+  bool weigh_priors(const VecX& x) {
+    if (problem_.priors().empty()) return false;
+    const MechanicalProblem::Linearization found = problem_.linearize(x, &shapes_);
+    if (!std::isfinite(found.model.cost)) return false;
+    const double weight =
+        residual_dispersion(found.parts, found.model.cost, problem_.residual_count());
+    const double change = weight / problem_.priors().weight();
+    if (std::max(change, 1 / change) < kSameWeight) return false;
+    problem_.weigh_priors(weight);
+    return true;
+  }
+
   LeastSquaresResult search_all(const VecX& from) {
-    LeastSquaresResult found = search(from, result_.cost_start);
+    LeastSquaresResult found = search(from, result_.cost_start + problem_.priors().cost(from));
     result_.cost_first = found.cost;
     for (int searches = 1; searches < kMostSearches && !stopped_; ++searches) {
-      const ForceWeights held = problem_.weights();
-      if (!weigh(found.x)) break;
-      const double before = problem_.cost(found.x, nullptr, &shapes_);
+      const MechanicalProblem held = problem_;
+      const bool forces = weigh(found.x), priors = weigh_priors(found.x);
+      if (!forces && !priors) break;
+      const double before =
+          problem_.cost(found.x, nullptr, &shapes_) + problem_.priors().cost(found.x);
       if (!std::isfinite(before)) {
-        problem_.weigh_by(held);
+        problem_ = held;
         break;
       }
       found = search(found.x, before);
@@ -857,6 +878,7 @@ class FitSearch {
       QuadraticModel model;
       count([&] {
         model = problem_.linearize(x, &shapes_).model;
+        problem_.priors().add_to(x, model);
         return model.cost;
       });
       tried_at.resize(0);
@@ -866,7 +888,7 @@ class FitSearch {
       tried = shapes_;
       tried_at = x;
       double value = 0;
-      count([&] { return value = problem_.cost(x, nullptr, &tried); });
+      count([&] { return value = problem_.cost(x, nullptr, &tried) + problem_.priors().cost(x); });
       return value;
     };
     double reached = cost_there;
@@ -898,7 +920,9 @@ class FitSearch {
 
   void finish(const LeastSquaresResult& found) {
     result_.fabric = problem_.fabric(found.x);
-    result_.cost = found.cost;
+    result_.prior_weight = problem_.priors().weight();
+    result_.prior_error = problem_.priors().cost(found.x);
+    result_.cost = found.cost - result_.prior_error;
     result_.end = found.end == LeastSquaresEnd::stopped && !stopped_
                       ? LeastSquaresEnd::small_reduction
                       : found.end;
@@ -994,7 +1018,13 @@ MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fa
   const Replays replays(problem);
   const MechanicalProblem::Linearization found = weighed.linearize(x, &here);
   result.replayed = replays.since();
-  result.cost_start = result.cost_first = result.cost = found.model.cost;
+  if (std::isfinite(found.model.cost))
+    weighed.weigh_priors(
+        residual_dispersion(found.parts, found.model.cost, problem.residual_count()));
+  result.prior_weight = weighed.priors().weight();
+  result.prior_error = weighed.priors().cost(x);
+  result.cost_start = result.cost = found.model.cost;
+  result.cost_first = result.cost + result.prior_error;
   result.evaluations = 1;
   result.end = LeastSquaresEnd::small_step;
   result.inexact = found.inexact;

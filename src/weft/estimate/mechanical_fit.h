@@ -19,6 +19,7 @@
 #include "weft/estimate/mesh_error.h"
 #include "weft/estimate/residual_intervals.h"
 #include "weft/estimate/uncertainty.h"
+#include "weft/estimate/weighed_priors.h"
 
 namespace weft {
 
@@ -69,6 +70,8 @@ struct MechanicalCostOptions {
   double point_noise = 75e-6;         ///< m, of a coordinate; > 0
   /// N: a frame whose largest net force is above counts as without equilibrium.
   double largest_residual = 1e-5;
+  /// Of rows of the fabric; those that are not free have no effect.
+  std::vector<ParameterPrior> priors{};
 };
 
 /// Equilibria of an evaluation, for others to start from; none at first. Where the evaluation was
@@ -92,8 +95,9 @@ class MechanicalShapes {
 };
 
 /// Sum over frames of squared differences, each divided by its noise (of readings of an overhang,
-/// the deviation that the capture states); the cost is its mean over the
-/// compared numbers (1 for a model that lacks nothing and noise as stated).
+/// the deviation that the capture states); the cost is its mean over the compared numbers (1 for a
+/// model that lacks nothing and noise as stated). Priors are no part of it, nor of its
+/// linearization: a fit adds them.
 ///
 /// Where captures state a noise of their clips, differences of forces and of loaded clips are
 /// weighed with it (force_weights.h) once weigh_by() has said how: as at one fabric, whatever
@@ -127,6 +131,10 @@ class MechanicalProblem {
   std::optional<MechanicalProblem> on_half_the_cells() const;
   VecX scaled(const Fabric& fabric) const;
   Fabric fabric(const VecX& scaled) const;
+
+  /// Weighed as if residuals scattered as stated, until weigh_priors() says otherwise.
+  const WeighedPriors& priors() const { return priors_; }
+  void weigh_priors(double weight) { priors_.weigh(weight); }
 
   /// Whether a capture of which forces are compared states a noise of its clips.
   bool has_clip_noise() const;
@@ -227,6 +235,7 @@ class MechanicalProblem {
   std::size_t residual_count_ = 0;
   std::vector<Friction> friction_;
   ForceWeights weights_;
+  WeighedPriors priors_;
   std::shared_ptr<MechanicalStore> store_;
   std::string fingerprint_;  ///< with a store
 };
@@ -252,7 +261,7 @@ struct MechanicalFitOptions {
 
 struct MechanicalFitStep {
   std::size_t evaluation = 0;  ///< from 1; the first is the start
-  double cost = 0, best = 0;   ///< best: of those with the same weights
+  double cost = 0, best = 0;   ///< with what priors add; best: of those with the same weights
   bool replayed = false;       ///< taken from the store
 };
 
@@ -264,9 +273,13 @@ struct CordFrictionEstimate {
 
 struct MechanicalFitResult {
   Fabric start, fabric;
-  double cost_start = 0, cost = 0;  ///< each with the weights, and on the cells, of then
-  /// Where the weights of the beginning led, with these; the cost without a noise of clips.
+  /// Of the data, each with the weights, and on the cells, of then.
+  double cost_start = 0, cost = 0;
+  /// Where the weights of the beginning led, with these; with what priors add. The cost without a
+  /// noise of clips and without priors.
   double cost_first = 0;
+  double prior_weight = 0;         ///< of the end; 0 without priors
+  double prior_error = 0;          ///< what they add to the cost there
   std::size_t residual_count = 0;  ///< numbers that are compared: the cost times it is their sum
   ForceWeights weights;            ///< of the end
   std::size_t evaluations = 0;     ///< of all frames, with or without derivatives
@@ -304,6 +317,10 @@ class MechanicalStartError : public Error {
 /// With a noise of clips: a search with the weights that the problem has, or those of the start;
 /// then more of them, each with the weights of where the one before ended, until one lowers the sum
 /// of squares by less than 0.1, eight at most. Where no weights can be had the search ends.
+///
+/// With priors what they add is part of the cost in all of this. Their weight is the dispersion
+/// that the stated noise makes in the first search (or that of the problem), then that of the
+/// residuals (residual_dispersion()) where the search before ended, until it stays within 1 %.
 ///
 /// A search on half the cells comes first, as the options say, of which the values are taken over
 /// that do not end at a bound. Where that has no start it is left out.

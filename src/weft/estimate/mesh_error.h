@@ -37,6 +37,13 @@ double residual_noise(const Problem& problem) {
   return 2 / static_cast<double>(problem.residual_count());
 }
 
+/// `model`, with what the priors of a problem add that has priors().
+template <typename Problem>
+QuadraticModel with_priors(const Problem& problem, const VecX& scaled, QuadraticModel model) {
+  if constexpr (requires { problem.priors(); }) problem.priors().add_to(scaled, model);
+  return model;
+}
+
 /// At `scaled`, on cells of half the width, of a problem with refined() and linearize(), which
 /// takes `near`, if anything, as well. Nothing, and in `reason` why, where these would be more than
 /// may be.
@@ -56,8 +63,8 @@ std::optional<typename Problem::Linearization> linearize_refined(const Problem& 
 }
 
 /// Of a problem with refined() and linearize(), which takes `near`, if anything, as well, and whose
-/// linearization at `scaled` is `here`. Unknown where the finer cells would be more than may be,
-/// and where no equilibrium is found.
+/// linearization at `scaled` is `here`; if it has priors() they are in the steps. Unknown where the
+/// finer cells would be more than may be, and where no equilibrium is found.
 template <typename Problem, typename... Near>
 MeshShift find_mesh_shift(const Problem& problem, const VecX& scaled,
                           const typename Problem::Linearization& here, Near... near) {
@@ -69,7 +76,9 @@ MeshShift find_mesh_shift(const Problem& problem, const VecX& scaled,
   const auto finer = linearize_refined(problem, scaled, &reason, near...);
   if (!finer) return unknown(reason);
   if (!std::isfinite(finer->model.cost)) return unknown(finer->reason);
-  return {mesh_shift(scaled, here.model, finer->model, residual_noise(problem)), {}};
+  return {mesh_shift(scaled, with_priors(problem, scaled, here.model),
+                     with_priors(problem, scaled, finer->model), residual_noise(problem)),
+          {}};
 }
 
 /// What is added to the half widths of the intervals: twice the shift, where the estimate would go

@@ -18,8 +18,6 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kOffMesh = 1e-9;  // m
-/// An interval as wide as that of the prior alone is the prior's.
-constexpr double kPriorShare = 0.5;
 constexpr double kSameDispersion = 1.05;
 
 std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
@@ -471,7 +469,8 @@ ParameterInterval interval_of(const MotionProblem& problem, const EstimateScatte
   const double precision = problem.prior_precision()[i];
   double widest = widest_half_interval;
   if (precision > 0)
-    widest = std::min(widest, kPriorShare * normal_half_width(confidence) / std::sqrt(precision));
+    widest = std::min(widest,
+                      widest_beside_prior * normal_half_width(confidence) / std::sqrt(precision));
   out.determined = scatter.determined(i) && out.half_width <= widest;
   if (scatter.held(i)) {
     out.half_width = out.upper = kInfinity;

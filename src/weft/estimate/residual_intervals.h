@@ -15,6 +15,9 @@ struct ResidualCertainty {
   MatX correlation;       ///< NaN where not determined
   MatX information;       ///< J^T J: Fisher's, of the stated noise, of all parameters
   double condition = 0;   ///< of the Gauss-Newton matrix; infinity: singular
+  /// residual_dispersion() over that of the stated noise, >= 1: by what the information has to be
+  /// divided to be that of the residuals' own scatter.
+  double overdispersion = 1;
 };
 struct ResidualIntervals {
   std::vector<ParameterInterval> intervals;
@@ -29,9 +32,24 @@ struct ResidualIntervals {
 /// the cost falls are held. `infos`: of the parameters, in the order of `scaled`, the estimate in
 /// coordinates scaled to [0, 1]. `systematic`: added to the half widths, scaled coordinates, >= 0;
 /// empty: nothing. Throws Error for no parts.
+///
+/// `model` is of the data alone; `prior` adds to it (estimate_scatter.h). A parameter is determined
+/// by the data if its interval is at most widest_beside_prior times the prior's own, and else
+/// ParameterInterval::by_prior.
 ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, const VecX& scaled,
-                                     const QuadraticModel& model,
-                                     const std::vector<CostPart>& parts, std::size_t residual_count,
-                                     double confidence, const VecX& systematic = {});
+                                     QuadraticModel model, const std::vector<CostPart>& parts,
+                                     std::size_t residual_count, double confidence,
+                                     const VecX& systematic = {}, const PriorTerm& prior = {});
+
+/// Half of an interval over its standard deviation, for that dispersion: Student's t of the parts
+/// where their scatter made it, and else the normal distribution's.
+double residual_quantile(const ResidualCertainty& certainty);
+
+/// What of such a cost is a unit of minus the logarithm of a likelihood: cluster_dispersion() of
+/// the parts, but not below what the stated noise makes, 2 / residual_count. Where parts do not
+/// tell (a single one, or one that decides alone) that times max(1, cost): residuals are then taken
+/// to be independent.
+double residual_dispersion(const std::vector<CostPart>& parts, double cost,
+                           std::size_t residual_count);
 
 }  // namespace weft

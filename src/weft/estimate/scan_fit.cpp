@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kBalancePasses = 4;
-constexpr double kSameScale = 1.01;
+constexpr double kSameScale = 1.01;  // of a target's noise, of the priors' weight
 /// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
 /// deviation off costs 1.
 constexpr double kEnoughReduction = 0.01;
@@ -118,6 +118,9 @@ ScanProblem::ScanProblem(std::vector<std::shared_ptr<const ScanTrial>> trials,
       if (clamp.force) ++residual_count_;
   }
   scales_ = no_scales();
+  priors_ = WeighedPriors(
+      options.priors, dimension(), [&](const VecX& x) { return this->fabric(x); },
+      residual_noise(*this));
 }
 
 std::vector<ParameterInfo> ScanProblem::infos() const {
@@ -337,6 +340,7 @@ std::string ScanProblem::fingerprint() const {
     hash.add(trial.measured_descriptor->value(trial.measured, fabric_.values));
     hash.add(shape_noise_[t]);
   }
+  priors_.add_to(hash);
   return hash.hex();
 }
 
@@ -424,14 +428,17 @@ class Descent {
     x_ = problem_.scaled(start).cwiseMax(0).cwiseMin(1);
     end.start = problem_.fabric(x_);
     problem_.set_scales(problem_.no_scales());
+    problem_.weigh_priors(residual_noise(problem_));
     end.cost_start = problem_.cost(x_, &reason_);
     end.cost = end.cost_start;
     iterations_ = 0;
     if (std::isfinite(end.cost_start)) {
       schedule();
-      if (options_.balance == ScanBalance::residual)
-        for (int pass = 1; pass <= kBalancePasses && !result_.stopped && rebalance(pass); ++pass) {
-        }
+      for (int pass = 1; pass <= kBalancePasses && !result_.stopped; ++pass) {
+        const bool balanced = rebalance(), weighed = weigh_priors();
+        if (!balanced && !weighed) break;
+        descend_all(fmt::format("{} {}", balanced ? "balance" : "priors", pass));
+      }
       // Ends of several starts are compared by what they were all asked for.
       const VecX scales = problem_.scales();
       problem_.set_scales(problem_.no_scales());
@@ -449,9 +456,7 @@ class Descent {
   void schedule() {
     const auto bending = indices_of(problem_, true), membrane = indices_of(problem_, false);
     if (options_.schedule == ScanSchedule::together || bending.empty() || membrane.empty()) {
-      std::vector<Eigen::Index> all(at(x_.size()));
-      std::iota(all.begin(), all.end(), 0);
-      descend(all, "all");
+      descend_all("all");
       return;
     }
     for (int round = 1; round <= options_.rounds && !result_.stopped; ++round) {
@@ -461,17 +466,34 @@ class Descent {
   }
 
   /// False where no target is missed by more than its noise, or nothing changed.
-  bool rebalance(int pass) {
+  bool rebalance() {
+    if (options_.balance == ScanBalance::noise) return false;
     const ScanProblem::Linearization found = problem_.linearize(x_);
     if (!std::isfinite(found.model.cost)) return false;
     const VecX scales = found.target_rms.cwiseMax(1);
     const VecX change = scales.cwiseQuotient(problem_.scales());
     if (std::max(change.maxCoeff(), 1 / change.minCoeff()) < kSameScale) return false;
     problem_.set_scales(scales);
+    return true;
+  }
+
+  /// By the dispersion of the residuals. False where that is as it was, or not known.
+  bool weigh_priors() {
+    if (problem_.priors().empty()) return false;
+    const ScanProblem::Linearization found = problem_.linearize(x_);
+    if (!std::isfinite(found.model.cost)) return false;
+    const double weight =
+        residual_dispersion(found.parts, found.model.cost, problem_.residual_count());
+    const double change = weight / problem_.priors().weight();
+    if (std::max(change, 1 / change) < kSameScale) return false;
+    problem_.weigh_priors(weight);
+    return true;
+  }
+
+  void descend_all(const std::string& phase) {
     std::vector<Eigen::Index> all(at(x_.size()));
     std::iota(all.begin(), all.end(), 0);
-    descend(all, fmt::format("balance {}", pass));
-    return true;
+    descend(all, phase);
   }
 
   void descend(const std::vector<Eigen::Index>& free, const std::string& phase) {
@@ -492,7 +514,8 @@ class Descent {
     };
     const LinearizeFunction linearize = [&](const VecX& part) {
       const Replays replays(problem_);
-      const QuadraticModel all = problem_.linearize(full(part)).model;
+      const QuadraticModel all =
+          with_priors(problem_, full(part), problem_.linearize(full(part)).model);
       count(all.cost, replays);
       QuadraticModel own;
       own.cost = all.cost;
@@ -502,7 +525,7 @@ class Descent {
     };
     const CostFunction cost = [&](const VecX& part) {
       const Replays replays(problem_);
-      const double value = problem_.cost(full(part));
+      const double value = problem_.cost(full(part)) + problem_.priors().cost(full(part));
       count(value, replays);
       return value;
     };
@@ -555,6 +578,14 @@ Fabric random_start(const ScanProblem& problem, const Fabric& start, double spre
   return fabric;
 }
 
+/// Of the residuals in units of the stated noise.
+double unscaled_dispersion(ScanProblem problem, const VecX& x) {
+  if (problem.priors().empty()) return 0;
+  problem.set_scales(problem.no_scales());
+  const ScanProblem::Linearization found = problem.linearize(x);
+  return residual_dispersion(found.parts, found.model.cost, problem.residual_count());
+}
+
 /// ScanFitResult::mesh.
 MeshShift mesh_shift_of(const ScanProblem& problem, const VecX& x,
                         const ScanProblem::Linearization& at_end, const ScanFitOptions& options) {
@@ -581,6 +612,8 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
   ScanFitResult result;
   Rng rng(options.seed);
   std::optional<VecX> best;
+  WeighedPriors compared = problem.priors();
+  double least = kInfinity;  // of the costs of the ends, with these
   for (int i = 0; i <= options.random_starts && !result.stopped; ++i) {
     const Fabric from = i == 0 ? start : random_start(problem, start, options.spread, rng);
     Descent descent(problem, options, observer, result);
@@ -589,16 +622,23 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
     if (i == 0 && !std::isfinite(end.cost_start))
       throw Error(fmt::format("the start cannot be computed: {}", descent.reason()));
     result.ends.push_back(end);
-    if (best && !(end.cost < result.cost)) continue;
+    if (i == 0 && options.random_starts > 0)
+      compared.weigh(unscaled_dispersion(problem, descent.x()));
+    const double minimized = end.cost + compared.cost(descent.x());
+    if (best && !(minimized < least)) continue;
+    least = minimized;
     best = descent.x();
     result.cost = end.cost;
     result.fabric = end.fabric;
     result.iterations = end.iterations;
     result.scales = problem.scales();
+    result.prior_weight = problem.priors().weight();
+    result.prior_error = problem.priors().cost(*best);
   }
   result.start = result.ends.front().start;
   result.cost_start = result.ends.front().cost_start;
   problem.set_scales(result.scales);
+  problem.weigh_priors(result.prior_weight);
   const Replays replays(problem);
   const ScanProblem::Linearization at_end = problem.linearize(*best);
   ++result.evaluations;
@@ -611,7 +651,8 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
   if (std::isfinite(at_end.model.cost)) {
     ResidualIntervals found = residual_intervals(problem.infos(), *best, at_end.model, at_end.parts,
                                                  problem.residual_count(), options.confidence,
-                                                 mesh_half_widths(result.mesh.shift));
+                                                 mesh_half_widths(result.mesh.shift),
+                                                 problem.priors().term(*best, best->size()));
     result.intervals = std::move(found.intervals);
     result.certainty = std::move(found.certainty);
   }

@@ -13,6 +13,7 @@
 #include "weft/estimate/number_store.h"
 #include "weft/estimate/residual_intervals.h"
 #include "weft/estimate/scan_trial.h"
+#include "weft/estimate/weighed_priors.h"
 
 namespace weft {
 
@@ -53,9 +54,12 @@ struct ScanCostOptions {
   double poisson_tolerance = 1e-3;
   /// N: a target whose largest net force is above counts as without equilibrium.
   double largest_residual = 1e-5;
+  /// Of values of the fabric; those that no unknown moves have no effect.
+  std::vector<ParameterPrior> priors{};
 };
 
-/// The mean over all residuals of their squares, with the penalty.
+/// The mean over all residuals of their squares, with the penalty. Priors are no part of it: a fit
+/// adds them.
 class ScanProblem {
  public:
   /// `fabric`: its values where nothing is searched, its ranges as the box. Throws Error for no
@@ -80,6 +84,10 @@ class ScanProblem {
   ScanProblem solved_by(std::shared_ptr<const EquilibriumSolver> solver) const;
   VecX scaled(const Fabric& fabric) const;
   Fabric fabric(const VecX& scaled) const;
+
+  /// Weighed as if residuals scattered as stated, until weigh_priors() says otherwise.
+  const WeighedPriors& priors() const { return priors_; }
+  void weigh_priors(double weight) { priors_.weigh(weight); }
 
   /// Factors on the noise of each target, >= 1; ones at first.
   void set_scales(VecX scales) { scales_ = std::move(scales); }
@@ -132,6 +140,7 @@ class ScanProblem {
   int threads_ = 0;
   VecX scales_;
   std::vector<VecX> shape_noise_;
+  WeighedPriors priors_;
   std::size_t residual_count_ = 0;
   std::shared_ptr<NumberStore> store_;
 };
@@ -166,18 +175,20 @@ struct ScanFitOptions {
 
 struct ScanFitStep {
   std::size_t evaluation = 0;  ///< from 1
-  double cost = 0, best = 0;
-  std::string phase;      ///< "start 1, bending 2", ...
-  bool replayed = false;  ///< taken from the store
+  double cost = 0, best = 0;   ///< with what priors add
+  std::string phase;           ///< "start 1, bending 2", ...
+  bool replayed = false;       ///< taken from the store
 };
 struct ScanFitEnd {
   Fabric start, fabric;
-  double cost_start = 0, cost = 0;
-  int iterations = 0;  ///< linearizations
+  double cost_start = 0, cost = 0;  ///< of the data
+  int iterations = 0;               ///< linearizations
 };
 struct ScanFitResult {
   Fabric start, fabric;
-  double cost_start = 0, cost = 0;
+  double cost_start = 0, cost = 0;  ///< of the data
+  /// Of the priors where the search ended, and what they add to the cost there; 0 without priors.
+  double prior_weight = 0, prior_error = 0;
   int iterations = 0;           ///< linearizations of the descent that led to `fabric`
   std::size_t evaluations = 0;  ///< of all descents, of all targets, with or without derivatives
   std::size_t replayed = 0;     ///< of these, taken from the store
@@ -200,6 +211,12 @@ using ScanFitObserver = std::function<bool(const ScanFitStep&)>;
 /// each part.
 ///
 /// A descent also ends after two steps in a row that lower the sum of squares by less than 0.01.
+///
+/// With priors what they add is part of the cost. Their weight is the dispersion that the noise
+/// makes in the first descent, then that of the residuals (residual_dispersion()) where the one
+/// before ended: four more descents at most, with those that balance. Of several starts the end
+/// of least cost with priors counts, all with the weight that the first one's residuals have.
+///
 /// Throws Error if the given start has no equilibrium; a random start without one is left out.
 ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOptions& options = {},
                        const ScanFitObserver& observer = {});

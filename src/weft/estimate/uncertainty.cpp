@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -72,6 +73,14 @@ struct DirectionSplit {
     all << lost, kept * given_up;
     lost = std::move(all);
     kept = kept * rest;
+  }
+  /// Directions among those that are kept.
+  void give_up(const MatX& given_up) {
+    const Eigen::HouseholderQR<MatX> qr(MatX(kept.transpose() * given_up));
+    const MatX all = qr.householderQ();
+    const MatX first = all.leftCols(given_up.cols()),
+               rest = all.rightCols(all.cols() - given_up.cols());
+    give_up(first, rest);
   }
 };
 
@@ -202,8 +211,8 @@ std::vector<CostPart> join_frames(const std::vector<CostPart>& parts, int frames
   return joined;
 }
 
-ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
-                                     const PriorTerm& prior) {
+ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters, const PriorTerm& prior,
+                                     const MatX& alone) {
   CostPart sum = sum_of(clusters, 1);
   if (prior.gradient.size() > 0) {
     sum.gradient += prior.gradient;
@@ -218,9 +227,11 @@ ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
   result.without_data = null_count(values);
   DirectionSplit directions{eigen.eigenvectors().rightCols(n - result.without_data),
                             eigen.eigenvectors().leftCols(result.without_data)};
+  if (alone.cols() > 0) directions.give_up(alone);
   const std::vector<VecX> shifts = leave_each_out(clusters, sum, directions);
   result.undetermined = directions.lost;
   result.covariance = MatX::Zero(n, n);
+  if (prior.gradient.size() > 0) result.of_prior = MatX::Zero(n, n);
   const MatX& basis = directions.kept;
   if (basis.cols() == 0) return result;
   VecX mean = VecX::Zero(basis.cols());
@@ -231,7 +242,9 @@ ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
   spread *= (count - 1) / count;
   if (prior.gradient.size() > 0) {
     const MatX inverse = (basis.transpose() * sum.hessian * basis).inverse();
-    spread += inverse * (basis.transpose() * prior.gradient_covariance * basis) * inverse;
+    const MatX own = inverse * (basis.transpose() * prior.gradient_covariance * basis) * inverse;
+    result.of_prior = basis * own * basis.transpose();
+    spread += own;
   }
   result.covariance = basis * spread * basis.transpose();
   return result;

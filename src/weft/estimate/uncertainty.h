@@ -27,6 +27,7 @@ struct ClusterCovariance {
   /// that none does come first.
   MatX undetermined;
   Eigen::Index without_data = 0;  ///< how many of these no cluster determines
+  MatX of_prior;                  ///< the prior's own part of the covariance; empty without one
   double condition = 0;           ///< of H; infinity where singular
   int clusters = 0;
 };
@@ -41,10 +42,11 @@ std::vector<CostPart> of_parameters(const std::vector<Eigen::Index>& indices,
                                     const std::vector<CostPart>& parts);
 PriorTerm of_parameters(const std::vector<Eigen::Index>& indices, const PriorTerm& prior);
 
-/// With a single cluster all it determines is undetermined. Throws Error for none, or sizes that
-/// differ.
+/// With a single cluster all it determines is undetermined. `alone`: orthonormal directions that
+/// count as determined by a single cluster whatever the prior says there; empty: none. Throws Error
+/// for no cluster, or sizes that differ.
 ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters,
-                                     const PriorTerm& prior = {});
+                                     const PriorTerm& prior = {}, const MatX& alone = {});
 
 /// Of a symmetric positive semidefinite matrix: its inverse in the directions that are not zero to
 /// rounding, and zero in the others.
@@ -85,6 +87,8 @@ struct UncertaintyOptions {
 
 /// Scaled coordinate: an interval of half the range and more to either side says nothing.
 inline constexpr double widest_half_interval = 0.5;
+/// Of a prior's own interval: one that is wider is not the data's.
+inline constexpr double widest_beside_prior = 0.5;
 
 /// One parameter. Symmetric in its search coordinate, so not in its own unit.
 struct ParameterInterval {
@@ -93,8 +97,10 @@ struct ParameterInterval {
   double lower = 0, upper = 0;  ///< of the interval, not of the range; infinite if not determined
   /// Half the interval in scaled coordinates, 1 being the whole range of the search.
   double half_width = 0;
-  bool determined = true;                   ///< half_width is at most widest_half_interval
+  bool determined = true;  ///< half_width is at most widest_half_interval
+  bool by_prior = false;   ///< known, but not determined by the data: the interval is the prior's
   bool at_lower = false, at_upper = false;  ///< lies at a bound of the search
+  bool bounded() const { return determined || by_prior; }
 };
 
 struct Uncertainty {

@@ -30,9 +30,18 @@ std::string listed(const std::vector<std::string>& names) {
 }
 
 void warn_of_parameters(const Report& report, std::vector<std::string>& warnings) {
-  std::vector<std::string> undetermined;
+  std::vector<std::string> undetermined, of_prior;
   for (const ReportParameter& p : report.parameters) {
-    if (is_searched(p) && !p.determined) undetermined.push_back(p.name);
+    if (is_searched(p) && !p.determined && !is_of_prior(p)) undetermined.push_back(p.name);
+    if (is_searched(p) && is_of_prior(p)) of_prior.push_back(p.name);
+  }
+  if (!of_prior.empty()) {
+    const bool one = of_prior.size() == 1;
+    warnings.push_back(fmt::format(
+        "The data say little of {} beside {}: {}, no {}.", listed(of_prior),
+        one ? "its prior" : "their priors",
+        one ? "value and interval are the prior's" : "values and intervals are the priors'",
+        one ? "measurement" : "measurements"));
   }
   if (!undetermined.empty()) {
     const bool one = undetermined.size() == 1;
@@ -86,6 +95,11 @@ void warn_of_captures(const Report& report, std::vector<std::string>& warnings) 
 }
 
 }  // namespace
+
+bool is_of_prior(const ReportParameter& parameter) {
+  return !parameter.determined && parameter.prior_median && parameter.interval_upper &&
+         std::isfinite(*parameter.interval_upper);
+}
 
 bool is_searched(const ReportParameter& parameter) {
   return parameter.free && parameter.tied_to.empty();

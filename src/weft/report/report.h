@@ -48,7 +48,10 @@ struct ReportCertainty {
   double condition = 0;  ///< of the problem; infinity: singular
   /// Of a video Uncertainty::noise, rad^2; at rest 2, of residuals over theirs.
   double noise = 0;
-  double dispersion = 0;  ///< Uncertainty::dispersion, in the unit of the error
+  /// Uncertainty::dispersion, in the unit of the error; at rest that of the stated noise.
+  double dispersion = 0;
+  /// At rest ResidualCertainty::overdispersion; nothing of a video, whose dispersion has it.
+  std::optional<double> overdispersion;
   int frames_per_cluster = 1;
   /// What was left out in turn, in words.
   std::string left_out = "blocks of frames and parts of the picture";
@@ -179,6 +182,9 @@ std::optional<ReportMeans> report_means(const ReportCapture& capture, bool valid
 /// largest_condition, simulations that diverged, guessed starts, validation frames that fit much
 /// worse; then `remarks`.
 std::vector<std::string> report_warnings(const Report& report);
+
+/// Whether value and interval are the prior's: the data do not determine it.
+bool is_of_prior(const ReportParameter& parameter);
 
 /// Whether it is one of the numbers that were searched: free, and not tied to another.
 bool is_searched(const ReportParameter& parameter);

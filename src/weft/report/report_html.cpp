@@ -178,7 +178,7 @@ double fraction(const ReportParameter& p, double value) {
 
 std::string range_bar(const ReportParameter& p) {
   std::string bar;
-  if (p.free && p.determined && p.interval_lower && p.interval_upper) {
+  if (p.free && (p.determined || is_of_prior(p)) && p.interval_lower && p.interval_upper) {
     const double left = fraction(p, *p.interval_lower), right = fraction(p, *p.interval_upper);
     bar += fmt::format("<span class=\"interval\" style=\"left:{:.2f}%;width:{:.2f}%\"></span>",
                        100 * left, 100 * (right - left));
@@ -203,7 +203,7 @@ std::string range_bar(const ReportParameter& p) {
 std::string status(const ReportParameter& p) {
   if (!p.free) return "<span class=\"status held\">held</span>";
   std::string text;
-  if (!p.determined) text = "not determined";
+  if (!p.determined) text = is_of_prior(p) ? "of its prior" : "not determined";
   if (p.at_bound != ReportParameter::Bound::none) {
     text += (text.empty() ? "" : ", ");
     text += p.at_bound == ReportParameter::Bound::upper ? "at upper end" : "at lower end";

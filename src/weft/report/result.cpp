@@ -108,6 +108,7 @@ Json json_of(const std::optional<ReportCertainty>& certainty) {
   put(object, "condition", certainty->condition);
   put(object, "noise", certainty->noise);
   put(object, "dispersion", certainty->dispersion);
+  if (certainty->overdispersion) put(object, "overdispersion", *certainty->overdispersion);
   object["frames_per_cluster"] = certainty->frames_per_cluster;
   object["left_out"] = certainty->left_out;
   object["parameters"] = certainty->parameters;
@@ -406,6 +407,7 @@ ReportCertainty certainty_from(const Reader& in) {
   in.get("condition", certainty.condition);
   in.get("noise", certainty.noise);
   in.get("dispersion", certainty.dispersion);
+  if (in.has("overdispersion")) in.get("overdispersion", certainty.overdispersion.emplace());
   in.get("frames_per_cluster", certainty.frames_per_cluster);
   if (in.has("left_out")) in.get("left_out", certainty.left_out);
   in.get("parameters", certainty.parameters);
