@@ -275,6 +275,51 @@ TEST_F(Mechanical, AStripAloneLeavesTheShearToItsPrior) {
   EXPECT_EQ(other.status, 2) << other.out;
 }
 
+// What the other parameters could do for a strip is nothing: its profile is a parabola.
+TEST_F(Mechanical, ProfileOfAFit) {
+  ASSERT_EQ(weft({"fit", path("strip"), "--out", path("out"), "--cells", "3", "--model",
+                  "soft-constraints", "--no-mesh-error"})
+                .status,
+            0);
+  const std::vector<std::string> words{
+      "profile", path("strip"), "--fabric", path("out/fabric.toml"),
+      "--cells", "3",           "--out",    path("profile")};
+  const Outcome run = weft(words);
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("weft_stretch"));
+  EXPECT_THAT(run.out, Not(HasSubstr("warning")));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "profile/weft_stretch.svg"));
+  double value = 0, lower = 0, upper = 0, below = 0, above = 0;
+  ASSERT_EQ(std::sscanf(run.out.c_str(),
+                        "weft_stretch %lf N/m by derivatives %lf to %lf; by its profile %lf to %lf",
+                        &value, &lower, &upper, &below, &above),
+            5)
+      << run.out;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  const json& stretch = result["parameters"]["weft_stretch"];
+  EXPECT_NEAR(lower, stretch["interval_lower"].get<double>(), 0.02 * (value - lower));
+  // The rise of a parabola with the data's information, at Student's t of five frames: 2.132.
+  const json& certainty = result["certainty"];
+  const double range = std::log(stretch["upper"].get<double>() / stretch["lower"].get<double>());
+  const double half = 2.132 * range *
+                      std::sqrt(certainty["overdispersion"].get<double>() /
+                                certainty["information"][0].get<double>());
+  EXPECT_NEAR(std::log(value / below), half, 0.05 * half);
+  EXPECT_NEAR(std::log(above / value), half, 0.05 * half);
+  EXPECT_EQ(weft(words).status, 2);  // there is one already
+
+  const auto refusal = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> all = words;
+    all.insert(all.end(), more.begin(), more.end());
+    const Outcome refused = weft(all);
+    EXPECT_EQ(refused.status, 2);
+    return refused.err;
+  };
+  EXPECT_THAT(refusal({"--parameters", "drag_linear"}), HasSubstr("--parameters"));
+  EXPECT_THAT(refusal({"--grid", "13"}), HasSubstr("--grid"));
+  EXPECT_THAT(refusal({"--balance", "noise"}), HasSubstr("--balance"));
+}
+
 TEST_F(Mechanical, IntervalsSayWhatTheMeshDoes) {
   const Outcome with = fit("with");
   ASSERT_EQ(with.status, 0) << with.err;

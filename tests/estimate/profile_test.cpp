@@ -187,6 +187,10 @@ TEST(Profile, OptionsAreThoseOfAnInterval) {
   EXPECT_NEAR(profile_options(uncertainty, 0.1).threshold, 0.5 * 1.833 * 1.833, 5e-3);
   EXPECT_NEAR(profile_options(uncertainty, 0.1).first_step, 0.05, 1e-12);
   EXPECT_NEAR(profile_options(uncertainty, 3).first_step, 0.15, 1e-12);
+  EXPECT_NEAR(profile_options(uncertainty, 1e-3).first_step, 0.02, 1e-12);
+  EXPECT_NEAR(profile_options(1.645, 1e-3, 1e-5).threshold, 1.353, 1e-3);
+  EXPECT_NEAR(profile_options(1.645, 1e-3, 1e-5).first_step, 5e-4, 1e-12);
+  EXPECT_NEAR(profile_options(1.645, 1e-8, 1e-5).first_step, 1e-5, 1e-12);
 }
 
 TEST(Profile, RejectsBadArguments) {

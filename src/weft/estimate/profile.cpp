@@ -12,6 +12,7 @@
 namespace weft {
 namespace {
 
+constexpr double kLargestFirstStep = 0.15;
 // Of another coordinate from one point to the start of the next: what the past says of a bend in
 // the way ends somewhere.
 constexpr double kMostFollowed = 0.15;
@@ -162,12 +163,17 @@ class Profiler {
 
 }  // namespace
 
-ProfileOptions profile_options(const Uncertainty& uncertainty, double half_width) {
-  const double t = student_quantile(0.5 + 0.5 * uncertainty.confidence, uncertainty.clusters - 1);
+ProfileOptions profile_options(double quantile, double half_width, double least_step) {
   ProfileOptions options;
-  options.threshold = 0.5 * t * t;
-  options.first_step = std::clamp(0.5 * half_width, 0.02, 0.15);
+  options.threshold = 0.5 * quantile * quantile;
+  options.first_step = std::clamp(0.5 * half_width, least_step, kLargestFirstStep);
   return options;
+}
+
+ProfileOptions profile_options(const Uncertainty& uncertainty, double half_width) {
+  return profile_options(
+      student_quantile(0.5 + 0.5 * uncertainty.confidence, uncertainty.clusters - 1), half_width,
+      least_profile_step_of_video);
 }
 
 Profile profile(const LinearizeFunction& linearize, const CostFunction& cost, const VecX& estimate,

@@ -32,9 +32,13 @@ struct ProfileOptions {
 };
 
 /// For a parameter whose interval by derivatives is `half_width` wide to either side (scaled
-/// coordinate), of an estimate with that uncertainty: the threshold of its confidence and number of
-/// clusters, and a first step of half of the interval, 0.02 to 0.15.
+/// coordinate), `quantile` standard deviations: the threshold of that, and a first step of half of
+/// the interval, `least_step` (> 0) to 0.15.
+ProfileOptions profile_options(double quantile, double half_width, double least_step);
+/// The same of a video, with the quantile of its confidence and number of clusters and a least step
+/// that passes over the roughness of its cost, 0.02.
 ProfileOptions profile_options(const Uncertainty& uncertainty, double half_width);
+inline constexpr double least_profile_step_of_video = 0.02;
 
 struct ProfilePoint {
   VecX x;           ///< scaled coordinates, the parameter's among them
