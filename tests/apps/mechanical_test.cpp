@@ -320,6 +320,52 @@ TEST_F(Mechanical, ProfileOfAFit) {
   EXPECT_THAT(refusal({"--balance", "noise"}), HasSubstr("--balance"));
 }
 
+// A quadratic about an estimate between data and prior: both widths, whether it is sampled from
+// what the fit left or simulated anew.
+TEST_F(Mechanical, PosteriorOfAFit) {
+  Fabric known = Fabric::with_defaults("known", "soft-constraints");
+  write("known.toml", fabric_to_toml(known));
+  replace("known.toml", "\nshear = {", "\nshear = { prior = { median = 20, factor = 2 },");
+  replace("known.toml", "weft_stretch = {",
+          "weft_stretch = { prior = { median = 860, factor = 1.01 },");
+  ASSERT_EQ(weft({"fit", path("strip"), "--out", path("out"), "--initial", path("known.toml"),
+                  "--cells", "3", "--parameters", "weft_stretch", "shear", "--no-mesh-error"})
+                .status,
+            0);
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  const auto of_fit = [&](const char* name, const char* key) {
+    return result["parameters"][name][key].get<double>();
+  };
+  const json& certainty = result["certainty"];
+  const double range = std::log(of_fit("weft_stretch", "upper") / of_fit("weft_stretch", "lower"));
+  const double information = certainty["information"][0].get<double>() /
+                             certainty["overdispersion"].get<double>() / (range * range);
+  const double deviation = 1 / std::sqrt(information + std::pow(std::log(1.01), -2));  // of log
+  for (const bool simulated : {false, true}) {
+    std::vector<std::string> words{"posterior", path("out"), "--overwrite"};
+    if (simulated) words.insert(words.end(), {"--true-cost", "--steps", "60", "--burn-in", "30"});
+    const Outcome run = weft(words);
+    ASSERT_EQ(run.status, 0) << run.err;
+    EXPECT_EQ(run.out.find("--true-cost simulates") == std::string::npos, simulated);
+    const json posterior = json::parse(text_of(folder_ / "out/posterior.json"));
+    EXPECT_EQ(posterior["cost"], simulated ? "simulated" : "quadratic");
+    const auto quantile = [&](const char* name, const char* p) {
+      return posterior["parameters"][name]["quantiles"][p].get<double>();
+    };
+    const double effective =
+        posterior["parameters"]["weft_stretch"]["effective_samples"].get<double>();
+    const double error = 3 / std::sqrt(effective);  // of a median or half width, in deviations
+    EXPECT_NEAR(std::log(quantile("weft_stretch", "0.5") / of_fit("weft_stretch", "value")), 0,
+                (0.1 + error) * deviation);
+    EXPECT_NEAR(std::log(quantile("weft_stretch", "0.95") / quantile("weft_stretch", "0.05")),
+                2 * 1.645 * deviation, 2 * (0.1 + 2 * error) * deviation);
+    EXPECT_NEAR(std::log(quantile("shear", "0.5") / 20), 0, (0.1 + error) * std::log(2));
+    EXPECT_NEAR(std::log(quantile("shear", "0.95") / quantile("shear", "0.05")),
+                2 * 1.645 * std::log(2), 2 * (0.1 + 2 * error) * std::log(2));
+    EXPECT_TRUE(std::filesystem::exists(folder_ / "out/posterior.svg"));
+  }
+}
+
 TEST_F(Mechanical, IntervalsSayWhatTheMeshDoes) {
   const Outcome with = fit("with");
   ASSERT_EQ(with.status, 0) << with.err;

@@ -1,0 +1,201 @@
+#include "estimate_of_fit.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <memory>
+
+#include "fit_curves.h"
+#include "mechanical.h"
+#include "mechanical_beside.h"
+#include "scan.h"
+#include "weft/base/error.h"
+
+namespace weft::app {
+namespace {
+
+/// Of the error at the estimate: the weights of forces are those of the shapes that it ended with.
+constexpr double kSameError = 0.05;
+
+std::string file_of(const std::filesystem::path& folder) {
+  return (folder / "result.json").string();
+}
+
+void check_certainty(const Report& report, const std::string& file) {
+  if (!report.certainty)
+    throw Error(fmt::format("{}: certainty: is missing; a fit that ended writes it", file));
+  const double dispersion = report.certainty->dispersion;
+  if (!(dispersion > 0) || !std::isfinite(dispersion))
+    throw Error(fmt::format("{}: certainty.dispersion: the noise level is not known", file));
+  if (report.captures.empty() && !report.certainty->overdispersion)
+    throw Error(
+        fmt::format("{}: certainty.overdispersion: is missing; fit again with this version", file));
+  for (const auto& [name, value] : report.settings)
+    if (name == kMechanicalSetting)
+      throw Error(fmt::format(
+          "{}: fitted with mechanical captures, whose likelihood is not kept with the evaluations; "
+          "the intervals of result.json have it",
+          file));
+}
+
+/// Of the rows of the fabric: all control values of a curve have the same.
+std::vector<ParameterPrior> priors_in(const Report& report, const Fabric& fabric) {
+  std::vector<ParameterPrior> priors;
+  for (const ParameterInfo& row : model_parameters(fabric.model)) {
+    if (fabric.value_count(row.name) == 0) continue;
+    const std::string_view first = fabric.info(fabric.first_value(row.name)).name;
+    for (const ReportParameter& p : report.parameters)
+      if (p.name == first && p.free && p.prior_median && p.prior_factor)
+        priors.push_back({std::string(row.name), *p.prior_median, *p.prior_factor});
+  }
+  return priors;
+}
+
+}  // namespace
+
+double EstimateOfFit::value(std::size_t i) const {
+  const auto& [index, factor] = unknowns[i].values.front();
+  return fabric.values[index] / factor;
+}
+
+Fabric EstimateOfFit::at(const VecX& scaled) const {
+  Fabric there = fabric;
+  for (std::size_t i = 0; i < unknowns.size(); ++i)
+    for (const auto& [index, factor] : unknowns[i].values)
+      there.values[index] =
+          factor * from_scaled(unknowns[i].info, scaled[static_cast<Eigen::Index>(i)]);
+  return there;
+}
+
+EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder) {
+  EstimateOfFit e;
+  e.report = read_result(folder / "result.json");
+  e.fabric = read_fabric(folder / "fabric.toml");
+  check_certainty(e.report, file_of(folder));
+  if (e.report.captures.empty())
+    e.at_rest = nlohmann::json::parse(std::ifstream(folder / "result.json"));
+  const ReportCertainty& certainty = *e.report.certainty;
+  const double over = certainty.overdispersion.value_or(1);
+  for (const std::string& name : certainty.parameters)
+    e.unknowns.push_back(scan_parameter(e.fabric, name));
+  const auto n = static_cast<Eigen::Index>(e.unknowns.size());
+  e.scaled.resize(n);
+  for (std::size_t i = 0; i < e.unknowns.size(); ++i)
+    e.scaled[static_cast<Eigen::Index>(i)] = std::clamp(to_scaled(e.info(i), e.value(i)), 0.0, 1.0);
+  e.information = certainty.information / over;
+  e.dispersion = certainty.dispersion * over;
+  e.priors = WeighedPriors(
+      priors_in(e.report, e.fabric), static_cast<int>(n), [&](const VecX& x) { return e.at(x); },
+      1);
+  e.slope = VecX::Zero(n);
+  if (!e.at_rest.is_null() && !e.priors.empty())
+    e.slope = -e.priors.term(e.scaled, n).gradient;  // the sum of both is zero there
+  return e;
+}
+
+namespace {
+
+/// A setting of the fit. Throws Error where it is not there or of another kind.
+template <typename T>
+T setting(const EstimateOfFit& e, const std::filesystem::path& folder, std::string_view name) {
+  for (const auto& [key, value] : e.report.settings)
+    if (key == name)
+      if (const T* found = std::get_if<T>(&value)) return *found;
+  throw Error(fmt::format("{}: settings: \"{}\" is missing; fit again with this version",
+                          file_of(folder), name));
+}
+std::string text_setting(const EstimateOfFit& e, const std::filesystem::path& folder,
+                         std::string_view name) {
+  return setting<std::string>(e, folder, name);
+}
+
+/// Of the cost that the fit ended at, and of that which its captures give now.
+void check_error(const std::filesystem::path& folder, double then, double now) {
+  if (std::abs(now - then) <= kSameError * then) return;
+  throw Error(
+      fmt::format("{}: error {:.6g}, but {:.6g} with its captures as they are now: fit again",
+                  file_of(folder), then, now));
+}
+
+std::vector<std::string> names_of(const EstimateOfFit& e) { return e.report.certainty->parameters; }
+
+MechanicalFitArguments tests_of(const EstimateOfFit& e, const std::filesystem::path& folder) {
+  MechanicalFitArguments arguments;
+  for (const nlohmann::json& test : e.at_rest["mechanical"])
+    arguments.captures.push_back(test["folder"].get<std::string>());
+  arguments.residuals = text_setting(e, folder, "residuals");
+  arguments.force_noise = setting<double>(e, folder, "force noise (N)");
+  arguments.point_noise = setting<double>(e, folder, "point noise (m)");
+  arguments.cord_friction = text_setting(e, folder, "friction of cords");
+  arguments.options.cells = static_cast<int>(setting<std::int64_t>(e, folder, "cells"));
+  return arguments;
+}
+
+std::function<double(const VecX&)> simulated_tests(const EstimateOfFit& e,
+                                                   const std::filesystem::path& folder,
+                                                   int threads) {
+  for (const auto& [name, value] : e.report.settings)
+    if (name == kSymmetrySetting)
+      throw Error(fmt::format("{}: of an isotropic fabric, which --true-cost does not take",
+                              file_of(folder)));
+  const MechanicalFitArguments arguments = tests_of(e, folder);
+  const auto problem = std::make_shared<MechanicalProblem>(
+      prepare_tests(arguments), e.fabric, names_of(e), cost_options(arguments), threads);
+  problem->weigh_by(problem->force_weights(e.scaled));
+  const auto shapes = std::make_shared<MechanicalShapes>("end");
+  const double least = problem->cost(e.scaled, nullptr, shapes.get());
+  check_error(folder, e.report.error, least);
+  return [problem, shapes, least, dispersion = e.dispersion](const VecX& x) {
+    MechanicalShapes near = *shapes;  // of the estimate: the same whatever was asked before
+    return (problem->cost(x, nullptr, &near) - least) / dispersion;
+  };
+}
+
+ScanFitArguments scans_of(const EstimateOfFit& e, const std::filesystem::path& folder) {
+  ScanFitArguments arguments;
+  if (!e.at_rest["scan"].contains("captures"))
+    throw Error(
+        fmt::format("{}: scan.captures: is missing; fit again with this version", file_of(folder)));
+  for (const nlohmann::json& capture : e.at_rest["scan"]["captures"])
+    arguments.captures.push_back(capture.get<std::string>());
+  arguments.options.cells = static_cast<int>(setting<std::int64_t>(e, folder, "cells"));
+  arguments.options.raw.cells =
+      static_cast<int>(setting<std::int64_t>(e, folder, "registered cells"));
+  arguments.options.pattern = grid_pattern_from_name(text_setting(e, folder, "pattern"));
+  arguments.options.descriptor = descriptor_from_name(text_setting(e, folder, "descriptor"));
+  arguments.solver =
+      text_setting(e, folder, "solver") == "xpbd" ? make_xpbd_solver() : make_static_solver();
+  return arguments;
+}
+
+std::function<double(const VecX&)> simulated_scans(const EstimateOfFit& e,
+                                                   const std::filesystem::path& folder,
+                                                   int threads) {
+  const ScanFitArguments arguments = scans_of(e, folder);
+  const auto problem =
+      std::make_shared<ScanProblem>(prepare_scans(arguments), arguments.solver, e.fabric,
+                                    names_of(e), ScanCostOptions{}, threads);
+  check_error(folder, e.report.error, problem->cost(e.scaled));
+  VecX scales = problem->no_scales();
+  const nlohmann::json& targets = e.at_rest["scan"]["targets"];
+  for (Eigen::Index i = 0; i < scales.size(); ++i)
+    scales[i] = targets.at(static_cast<std::size_t>(i)).at("noise_factor").get<double>();
+  problem->set_scales(scales);
+  const double least = problem->cost(e.scaled);
+  return [problem, least, dispersion = e.dispersion](const VecX& x) {
+    return (problem->cost(x) - least) / dispersion;
+  };
+}
+
+}  // namespace
+
+std::function<double(const VecX& scaled)> simulated_at_rest(const EstimateOfFit& estimate,
+                                                            const std::filesystem::path& folder,
+                                                            int threads) {
+  return estimate.at_rest.contains("scan") ? simulated_scans(estimate, folder, threads)
+                                           : simulated_tests(estimate, folder, threads);
+}
+
+}  // namespace weft::app

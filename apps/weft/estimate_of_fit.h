@@ -1,0 +1,46 @@
+#pragma once
+/// What the folder of a fit says of its estimate, as far as sampling about it needs.
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "weft/estimate/scan_fit.h"
+#include "weft/estimate/weighed_priors.h"
+#include "weft/report/result.h"
+
+namespace weft::app {
+
+struct EstimateOfFit {
+  Fabric fabric;
+  Report report;
+  /// Of a fit to cloth at rest the whole result.json; null of one to video.
+  nlohmann::json at_rest;
+  std::vector<ScanParameter> unknowns;  ///< that were searched; of one value each but "bend"
+  VecX scaled;
+  /// Fisher's, of the data, as their residuals scatter; scaled coordinates.
+  MatX information;
+  /// Of minus the logarithm of the likelihood, by the scaled coordinates: where priors pull the
+  /// estimate from the data's own it is not zero.
+  VecX slope;
+  double dispersion = 0;  ///< the unit of minus the logarithm of the likelihood, of the error
+  WeighedPriors priors;   ///< in that unit
+
+  const ParameterInfo& info(std::size_t i) const { return unknowns[i].info; }
+  /// Of parameter i, in its unit.
+  double value(std::size_t i) const;
+  Fabric at(const VecX& scaled) const;
+};
+/// Of result.json and fabric.toml. Throws Error for a fit that ended before its certainty was
+/// known, one to video beside mechanical captures, and results of earlier versions that lack
+/// something.
+EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder);
+
+/// Minus the logarithm of the likelihood of a fit to cloth at rest, 0 at its estimate, by
+/// simulating its captures, which are looked for where they were; infinity where there is no
+/// equilibrium. Throws Error where the error at the estimate is not that of the fit.
+std::function<double(const VecX& scaled)> simulated_at_rest(const EstimateOfFit& estimate,
+                                                            const std::filesystem::path& folder,
+                                                            int threads);
+
+}  // namespace weft::app
