@@ -90,7 +90,7 @@ EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder) {
       priors_in(e.report, e.fabric), static_cast<int>(n), [&](const VecX& x) { return e.at(x); },
       1);
   e.slope = VecX::Zero(n);
-  if (!e.at_rest.is_null() && !e.priors.empty())
+  if (!e.priors.empty())
     e.slope = -e.priors.term(e.scaled, n).gradient;  // the sum of both is zero there
   return e;
 }

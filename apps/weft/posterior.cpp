@@ -66,7 +66,7 @@ LikelihoodSurrogate surrogate_of(const EstimateOfFit& e, const std::filesystem::
       points.push_back(std::move(point));
     }
   }
-  return {e.scaled, e.information, points};
+  return {e.scaled, e.information, e.slope, points};
 }
 
 /// Simulates; evaluations go to the fit's store and are replayed from it.
@@ -165,8 +165,7 @@ std::function<double(const VecX&)> likelihood_of(const EstimateOfFit& e,
                                                  const std::filesystem::path& folder,
                                                  const Arguments& arguments,
                                                  const LikelihoodSurrogate& surrogate) {
-  if (!arguments.true_cost)
-    return [&](const VecX& x) { return surrogate.cost(x) + e.slope.dot(x - e.scaled); };
+  if (!arguments.true_cost) return [&](const VecX& x) { return surrogate.cost(x); };
   if (!e.at_rest.is_null()) return simulated_at_rest(e, folder, arguments.trial.threads());
   const auto simulated = std::make_shared<TrueCost>(e, folder, arguments.trial);
   return [simulated](const VecX& x) { return simulated->cost(x); };

@@ -105,7 +105,7 @@ TEST(LikelihoodSurrogate, EvaluationsCorrectTheQuadratic) {
   MatX information(2, 2);
   information << 100, 0, 0, 25;
   const VecX estimate = Vec2(0.5, 0.5);
-  const LikelihoodSurrogate plain(estimate, information, {});
+  const LikelihoodSurrogate plain(estimate, information, VecX::Zero(2), {});
   EXPECT_EQ(plain.length(), 0);
   EXPECT_NEAR(plain.cost(Vec2(0.6, 0.7)), 1, 1e-12);
 
@@ -115,7 +115,7 @@ TEST(LikelihoodSurrogate, EvaluationsCorrectTheQuadratic) {
     const VecX x = Vec2(0.5 + 0.1 * rng.normal(), 0.5 + 0.2 * rng.normal());
     points.push_back({x, skewed(x)});
   }
-  const LikelihoodSurrogate corrected(estimate, information, points);
+  const LikelihoodSurrogate corrected(estimate, information, VecX::Zero(2), points);
   EXPECT_GT(corrected.length(), 0);
   double before = 0, after = 0;
   for (int i = 0; i < 200; ++i) {
@@ -126,6 +126,27 @@ TEST(LikelihoodSurrogate, EvaluationsCorrectTheQuadratic) {
   EXPECT_LT(after, 0.1 * before);
 }
 
+TEST(LikelihoodSurrogate, ThePriorThatPulledTheEstimateCountsOnce) {
+  // Data at 0.3 +- 0.1, prior at 0.5 +- 0.1: the estimate is at 0.4 +- 0.1 / sqrt(2). The data
+  // alone fall by half from there to their own best.
+  const auto data = [](double x) { return 0.5 * std::pow((x - 0.3) / 0.1, 2) - 0.5; };
+  const auto prior = [](double x) { return 0.5 * std::pow((x - 0.5) / 0.1, 2) - 0.5; };
+  const VecX estimate = VecX::Constant(1, 0.4), slope = VecX::Constant(1, 10);
+  const MatX information = MatX::Constant(1, 1, 100);
+  std::vector<LikelihoodPoint> points;
+  for (const double x : {0.25, 0.35, 0.4, 0.45, 0.6})
+    points.push_back({VecX::Constant(1, x), data(x)});
+  for (const auto& evaluations : {std::vector<LikelihoodPoint>(), points}) {
+    const LikelihoodSurrogate surrogate(estimate, information, slope, evaluations);
+    for (const double x : {0.2, 0.3, 0.4, 0.5, 0.6}) {
+      EXPECT_NEAR(surrogate.cost(VecX::Constant(1, x)), data(x), 1e-9) << x;
+      EXPECT_NEAR(surrogate.cost(VecX::Constant(1, x)) + prior(x), std::pow((x - 0.4) / 0.1, 2),
+                  1e-9);
+    }
+  }
+  EXPECT_THROW(LikelihoodSurrogate(estimate, information, VecX::Zero(2), {}), Error);
+}
+
 TEST(LikelihoodSurrogate, NoiseIsNotFollowed) {
   Rng rng(4);
   std::vector<LikelihoodPoint> points;
@@ -134,7 +155,7 @@ TEST(LikelihoodSurrogate, NoiseIsNotFollowed) {
     const VecX x = Vec2(rng.uniform(), rng.uniform());
     points.push_back({x, 50 * (x - Vec2(0.5, 0.5)).squaredNorm() + 0.5 * rng.normal()});
   }
-  const LikelihoodSurrogate surrogate(Vec2(0.5, 0.5), information, points);
+  const LikelihoodSurrogate surrogate(Vec2(0.5, 0.5), information, VecX::Zero(2), points);
   double square = 0;
   for (int i = 0; i < 200; ++i) {
     const VecX x = Vec2(rng.uniform(0.3, 0.7), rng.uniform(0.3, 0.7));

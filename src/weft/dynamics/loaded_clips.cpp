@@ -21,7 +21,6 @@ constexpr double kSufficientDecrease = 1e-4;
 constexpr double kClearlyLower = 0.5;     // of the net forces before
 constexpr double kLeastCurvature = 1e-9;  // of the largest
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 Eigen::Index six(std::size_t i) { return 6 * static_cast<Eigen::Index>(i); }
 
 /// Of a potential with the gradient g at a point that turns about an origin, at the arm r: what the

@@ -160,12 +160,14 @@ SamplingResult sample_ensemble(const LogDensity& density, const VecX& start, con
   return result;
 }
 
-LikelihoodSurrogate::LikelihoodSurrogate(VecX estimate, MatX information,
+LikelihoodSurrogate::LikelihoodSurrogate(VecX estimate, MatX information, VecX slope,
                                          const std::vector<LikelihoodPoint>& points)
-    : estimate_(std::move(estimate)), information_(std::move(information)) {
+    : estimate_(std::move(estimate)),
+      information_(std::move(information)),
+      slope_(std::move(slope)) {
   const Eigen::Index n = estimate_.size();
-  if (information_.rows() != n || information_.cols() != n)
-    throw Error("surrogate: estimate and information differ in size");
+  if (information_.rows() != n || information_.cols() != n || slope_.size() != n)
+    throw Error("surrogate: estimate, information and slope differ in size");
   std::vector<std::pair<double, const LikelihoodPoint*>> near;
   for (const LikelihoodPoint& point : points) {
     if (point.x.size() != n) throw Error("surrogate: an evaluation has another size");
@@ -221,11 +223,12 @@ bool LikelihoodSurrogate::fit(const VecX& differences, double length, double noi
 
 double LikelihoodSurrogate::quadratic(const VecX& x) const {
   const VecX step = x - estimate_;
-  return 0.5 * step.dot(information_ * step);
+  return slope_.dot(step) + 0.5 * step.dot(information_ * step);
 }
 
 double LikelihoodSurrogate::cost(const VecX& x) const {
-  double cost = quadratic(x);
+  const double uncorrected = quadratic(x);
+  double cost = uncorrected;
   if (length_ > 0) {
     // As at the evaluations: beyond twice the largest cost there is no density either way.
     if (cost > 2 * kLargestCost) cost = 2 * kLargestCost + 0.1 * (cost - 2 * kLargestCost);
@@ -233,7 +236,7 @@ double LikelihoodSurrogate::cost(const VecX& x) const {
       cost +=
           weights_[k] * std::exp(-0.5 * (points_.col(k) - x).squaredNorm() / (length_ * length_));
   }
-  return std::max(cost, least_);
+  return std::max(cost, std::min(least_, uncorrected));
 }
 
 double sample_quantile(std::vector<double> values, double p) {

@@ -43,8 +43,9 @@ struct LikelihoodPoint {
   double cost = 0;
 };
 
-/// A cheap stand-in for minus the logarithm of the likelihood about an estimate: the quadratic of
-/// the Fisher information, (x - estimate)^T I (x - estimate) / 2, and a Gaussian process that
+/// A cheap stand-in for minus the logarithm of the likelihood about an estimate: the quadratic
+/// slope^T d + d^T I d / 2 with d = x - estimate and the Fisher information I, and a Gaussian
+/// process that
 /// carries what evaluations differ from it. Its covariance is a squared exponential; its length and
 /// its noise (the error of swinging cloth is rough) are those of a small table under which each
 /// evaluation is predicted best from the others (its amplitude does not matter then). Evaluations
@@ -52,9 +53,12 @@ struct LikelihoodPoint {
 /// better than the quadratic alone, there is no correction.
 class LikelihoodSurrogate {
  public:
+  /// `slope`: of the likelihood at the estimate, which priors balance there; zero without priors.
   /// Throws Error for sizes that differ.
-  LikelihoodSurrogate(VecX estimate, MatX information, const std::vector<LikelihoodPoint>& points);
-  /// Not below the least of 0 and the evaluations: what was never seen is not believed.
+  LikelihoodSurrogate(VecX estimate, MatX information, VecX slope,
+                      const std::vector<LikelihoodPoint>& points);
+  /// Corrections go no lower than the least of 0, the evaluations and the quadratic there: what was
+  /// never seen is not believed.
   double cost(const VecX& x) const;
   double quadratic(const VecX& x) const;
   int points() const { return static_cast<int>(points_.cols()); }  ///< used
@@ -66,6 +70,7 @@ class LikelihoodSurrogate {
 
   VecX estimate_;
   MatX information_;
+  VecX slope_;
   MatX points_;  ///< columns
   VecX weights_;
   double length_ = 0;
