@@ -118,7 +118,8 @@ std::string table_of_overhangs(const MechanicalReport& report) {
     rows += cell("90 % interval",
                  o.lower && o.upper ? millimetres(*o.lower) + " to " + millimetres(*o.upper) : "–",
                  "n");
-    rows += cell("Difference", known ? millimetres(o.computed - o.mean()) : "–", "n");
+    rows += cell("Difference",
+                 known ? fmt::format("{:.2f} mm", 1e3 * (o.computed - o.mean())) : "–", "n");
     rows += "</tr>\n";
   }
   if (rows.empty()) return "";

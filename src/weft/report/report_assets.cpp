@@ -63,7 +63,8 @@ table { border-collapse: collapse; width: 100%; font-size: 14px; font-variant-nu
 th { text-align: left; font-weight: 560; color: var(--soft); font-size: 13px; padding: 6px 14px 6px 0;
   border-bottom: 1px solid var(--line); vertical-align: bottom; }
 td { padding: 9px 14px 9px 0; border-bottom: 1px solid var(--line); vertical-align: top; }
-td.n, th.n { text-align: right; white-space: nowrap; }
+td.n, th.n { text-align: right; }
+td.n { white-space: nowrap; }
 td .minor, .minor { color: var(--soft); font-size: 13px; }
 .parameter .value { font-weight: 620; white-space: nowrap; }
 .parameter.weak .value { font-weight: 450; color: var(--soft); }
