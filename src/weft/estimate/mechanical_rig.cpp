@@ -10,6 +10,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 #include "weft/capture/mechanical_writer.h"
+#include "weft/dynamics/clip_poses.h"
 
 namespace weft {
 namespace {
@@ -434,8 +435,7 @@ Vec3 normal3(Rng& rng, double deviation) {
 
 void add_clip_noise(Clip& clip, double deviation, Rng& rng) {
   clip.position += normal3(rng, deviation);
-  const double half_length = 0.5 * (clip.region.upper - clip.region.lower).maxCoeff();
-  const Vec3 turn = normal3(rng, deviation / half_length);
+  const Vec3 turn = normal3(rng, deviation / half_length(clip));
   if (turn.norm() > 0)
     clip.rotation = Eigen::AngleAxisd(turn.norm(), turn.normalized()) * clip.rotation;
   clip.rotation.normalize();
