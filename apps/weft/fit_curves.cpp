@@ -33,22 +33,6 @@ std::string stage_title(const CurveFitStage& stage) {
   return title;
 }
 
-/// Whether a stage of the incremental order uses captures that isolate a strain: those of its own,
-/// the coupling both stretches, the diagonal bend both bends; where the warp follows the weft, the
-/// weft's stages those of both.
-bool uses(std::string_view component, IsolatedStrain strain, ThreadSymmetry symmetry) {
-  using enum IsolatedStrain;
-  const bool stretch = strain == weft_stretch || strain == warp_stretch;
-  const bool bend = strain == weft_bend || strain == warp_bend;
-  const bool any_bend = bend || strain == diagonal_bend;
-  const bool both = symmetry == ThreadSymmetry::isotropic;
-  if (component == "all") return true;
-  if (component == "coupling" || (both && component == "weft stretch")) return stretch;
-  if (component == "diagonal bend") return any_bend;
-  if (both && component == "weft bend") return bend;
-  return component == name_of(strain);
-}
-
 }  // namespace
 
 const std::vector<std::string>& CurveFitArguments::names() {
@@ -99,8 +83,7 @@ CurveFitOptions CurveFitArguments::options() const {
   return options;
 }
 
-void add_curves(const CurveFitResult& fit, const std::vector<ReportStage>& stages,
-                nlohmann::json& result) {
+void add_curves(const CurveFitResult& fit, nlohmann::json& result) {
   const Fabric& fabric = fit.fit.fabric;
   nlohmann::json curves = nlohmann::json::object();
   for (const ParameterInfo& info : model_parameters(fabric.model)) {
@@ -122,10 +105,9 @@ void add_curves(const CurveFitResult& fit, const std::vector<ReportStage>& stage
   }
   result["curves"] = curves;
   nlohmann::json list = nlohmann::json::array();
-  for (std::size_t i = 0; i < fit.stages.size(); ++i) {
-    const CurveFitStage& stage = fit.stages[i];
+  for (const CurveFitStage& stage : fit.stages) {
     list.push_back({{"name", stage.name},
-                    {"captures", stages[i].captures},
+                    {"captures", stage.captures},
                     {"pass", stage.pass},
                     {"points", stage.points},
                     {"kept", stage.kept},
@@ -138,9 +120,7 @@ void add_curves(const CurveFitResult& fit, const std::vector<ReportStage>& stage
   result["stages"] = list;
 }
 
-std::vector<ReportStage> report_stages(const CurveFitResult& fit,
-                                       const std::vector<MechanicalCapture>& captures,
-                                       ThreadSymmetry symmetry) {
+std::vector<ReportStage> report_stages(const CurveFitResult& fit) {
   std::vector<ReportStage> stages;
   for (const CurveFitStage& stage : fit.stages) {
     ReportStage& out = stages.emplace_back();
@@ -152,9 +132,7 @@ std::vector<ReportStage> report_stages(const CurveFitResult& fit,
     out.error_on_halved_cells = stage.finer_cost;
     out.evaluations = stage.evaluations;
     out.kept = stage.kept;
-    const std::string component = out.name.substr(0, out.name.find(','));
-    for (const MechanicalCapture& capture : captures)
-      if (uses(component, isolated_strain(capture), symmetry)) out.captures.push_back(capture.name);
+    out.captures = stage.captures;
   }
   return stages;
 }

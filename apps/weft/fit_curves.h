@@ -29,14 +29,10 @@ class CurveFitArguments {
 };
 
 /// "curves" of result.json: for each row that is searched and may be a curve its control points and
-/// 21 points of the curve with its band; and "stages" of the fit, with the captures of `stages`.
-void add_curves(const CurveFitResult& fit, const std::vector<ReportStage>& stages,
-                nlohmann::json& result);
-/// The stages for a report, each with the captures that it used: those that isolate what it is
-/// named after.
-std::vector<ReportStage> report_stages(const CurveFitResult& fit,
-                                       const std::vector<MechanicalCapture>& captures,
-                                       ThreadSymmetry symmetry);
+/// 21 points of the curve with its band; and "stages" of the fit.
+void add_curves(const CurveFitResult& fit, nlohmann::json& result);
+/// The stages for a report.
+std::vector<ReportStage> report_stages(const CurveFitResult& fit);
 /// One line a stage, for the terminal.
 std::string stage_lines(const CurveFitResult& fit);
 

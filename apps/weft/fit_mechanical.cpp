@@ -152,7 +152,7 @@ std::string result_text(const Report& report, const std::vector<MechanicalCaptur
     scaled[static_cast<Eigen::Index>(i)] =
         to_scaled(infos[i], found.fit.fabric.value(found.free[i]));
   result["mesh_shift"] = mesh_shift_json(infos, scaled, found.fit.mesh);
-  if (!found.stages.empty()) add_curves(found, shown.stages, result);
+  if (!found.stages.empty()) add_curves(found, result);
   return result.dump(2) + "\n";
 }
 
@@ -251,7 +251,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   MechanicalReport shown =
       report_of_mechanical(trials, frames, evaluations, fit.fabric, fit.intervals,
                            fit.certainty.correlation, fit.cord_friction);
-  if (arguments.curves) shown.stages = report_stages(found, captures, arguments.curves->symmetry);
+  if (arguments.curves) shown.stages = report_stages(found);
   write_text(out / "result.json", result_text(report, captures, evaluations, found, shown));
   write_report_html(out / "report.html", report, {}, shown);
   fmt::print("{}", stage_lines(found));

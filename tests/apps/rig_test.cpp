@@ -50,7 +50,10 @@ TEST_F(Rig, WhatItMakesIsFittedByCurves) {
   ASSERT_EQ(curve["values"].size(), 2u);
   EXPECT_EQ(curve["strain"].size(), curve["upper"].size());
   EXPECT_NEAR(curve["values"][1].get<double>(), 400, 20);
-  EXPECT_EQ(result["stages"][0]["name"], "weft_stretch");
+  EXPECT_EQ(result["stages"][0]["name"], "weft_bend");  // roughly, before what it folds
+  EXPECT_EQ(result["stages"][0]["captures"], json({"tricot_bend_weft"}));
+  EXPECT_EQ(result["stages"][1]["name"], "weft_stretch");
+  EXPECT_EQ(result["stages"][1]["captures"], json({"tricot_stretch_weft"}));
   const Fabric found = read_fabric(folder_ / "out/fabric.toml");
   EXPECT_EQ(found.value_count("weft_stretch"), 2);
 }

@@ -2,14 +2,16 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
+#include <utility>
 
+#include "weft/base/clock.h"
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/estimate/component_strains.h"
 #include "weft/estimate/content_hash.h"
@@ -23,13 +25,17 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::array<double, 5> kFactors{1, 10, 0.1, 100, 0.01};
 constexpr double kNoWeight = 1e-9;  // of a control value in a band
 constexpr double kBeyond = 1.1;     // of a curve's last knot: strains beyond it count
-/// Bends that were found after the shear have changed the least of its cost by this part of it.
-constexpr double kBendsMatter = 0.05;
 /// Tangent of 22.5 degrees: directions further from both threads are nearer to their diagonal.
 constexpr double kDiagonal = 0.41421356237309503;
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 using Tests = std::vector<IsolatedStrain>;
+
+std::vector<std::string> names_of(const Trials& trials) {
+  std::vector<std::string> names;
+  for (const auto& trial : trials) names.push_back(trial->capture.name);
+  return names;
+}
 
 /// A step of the incremental order and the tests that its rows are found from.
 enum class Step { weft_stretch, warp_stretch, coupling, shear, weft_bend, warp_bend, diagonal };
@@ -118,7 +124,7 @@ class CurveFitter {
   }
 
   CurveFitResult run() {
-    const auto begin = std::chrono::steady_clock::now();
+    const auto begin = Clock::now();
     if (options_.order == FitOrder::incremental)
       incremental();
     else
@@ -140,8 +146,7 @@ class CurveFitter {
     result.fit.evaluations += evaluations + 1;
     result.fit.replayed += replayed + replays.since();
     result.fit.end = stopped_ ? LeastSquaresEnd::stopped : LeastSquaresEnd::small_reduction;
-    result.fit.wall_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    result.fit.wall_s = seconds_since(begin);
     result.free = names(all, fabric_);
     return result;
   }
@@ -257,6 +262,9 @@ class CurveFitter {
 
   Group everything() const { return {"all", rows_, trials_, Cells::all}; }
   static bool is_shear(const Group& group) { return group.name == "shear"; }
+  static Step step(const Group& group) { return step_of(group.rows.front())->step; }
+  static bool is_diagonal(const Group& group) { return step(group) == Step::diagonal; }
+  static bool bends(const Group& group) { return step(group) >= Step::weft_bend; }
   /// Those along the clips are of the shear alone.
   MechanicalForces forces_of(const Group& group) const {
     return is_shear(group) && longer_.empty() ? MechanicalForces::along_clips
@@ -387,6 +395,7 @@ class CurveFitter {
     MechanicalFitResult found = fit(group, from, name, weights, near);
     result_.stages.push_back({.name = name,
                               .pass = pass,
+                              .captures = names_of(group.trials),
                               .points = points,
                               .kept = true,
                               .cost_start = found.cost_start,
@@ -402,15 +411,21 @@ class CurveFitter {
     return found;
   }
 
-  /// From the start to near the estimate, on half as many cells. What that finds is a start, no
-  /// more: where it finds nothing, or an end of a range, the group begins where it would have.
-  void begin_on_half_the_cells(Group group, int points) {
-    group.trials = on_half_the_cells(std::move(group.trials));
-    if (group.trials.empty()) return;
+  /// The group on half as many cells; with too few for that, on all.
+  static Group on_fewer_cells(Group group) {
+    Trials half = on_half_the_cells(group.trials);
+    if (half.empty()) return group;
+    group.trials = std::move(half);
     group.cells = Cells::half;
-    MechanicalShapes shapes(group.name + "-half");
+    return group;
+  }
+
+  /// From the start to near the estimate. What that finds is a start, no more: where it finds
+  /// nothing, or an end of a range, the group begins where it would have.
+  void begin(const Group& group) {
+    MechanicalShapes shapes(group.name + "-start");
     try {
-      const MechanicalFitResult found = stage(group, fabric_, 1, points, shapes);
+      const MechanicalFitResult found = stage(group, fabric_, 1, most_points_of(group), shapes);
       result_.stages.back().kept = !left_at_start(group, found);
       if (result_.stages.back().kept) fabric_ = found.fabric;
     } catch (const MechanicalStartError&) {
@@ -420,8 +435,8 @@ class CurveFitter {
   void fit_group(const Group& group, int pass) {
     const int points = most_points_of(group);
     const Fabric before = fabric_;
-    if (pass == 1 && options_.fit.first_cells == FirstCells::halved)
-      begin_on_half_the_cells(group, points);
+    if (pass == 1 && options_.fit.first_cells == FirstCells::halved && !begun_.contains(group.name))
+      if (const Group fewer = on_fewer_cells(group); fewer.cells == Cells::half) begin(fewer);
     if (stopped_) return;
     Shapes shapes(group);
     MechanicalFitResult found = stage(group, fabric_, pass, points, shapes.here);
@@ -431,17 +446,10 @@ class CurveFitter {
       return;
     }
     fabric_ = found.fabric;
-    if (options_.shape != CurveShape::subdivided || stopped_) return;
-    if (pass > 1) {
-      const auto first = first_pass_.find(group.name);
-      if (is_shear(group) && first != first_pass_.end() &&
-          std::abs(found.cost / first->second.cost - 1) > kBendsMatter)
-        subdivide_anew(group, pass, found, shapes);
-      return;
-    }
+    if (pass > 1 || options_.shape != CurveShape::subdivided || stopped_) return;
     Kept kept = at_last_stage(std::move(found));
     if (is_shear(group)) kept = fit_longer_stretch(group, std::move(kept), shapes);
-    kept = subdivide(group, std::move(kept), shapes, pass);
+    kept = subdivide(group, std::move(kept), shapes);
     first_pass_.emplace(group.name, std::move(kept.fit));
   }
 
@@ -463,8 +471,8 @@ class CurveFitter {
   /// there is none.
   bool shorten_where_stretch_loses(const Fabric& shorter) {
     std::vector<std::string> losing;
-    for (const std::string& row : longer_)
-      if (stretch_loses(row)) losing.push_back(row);
+    for (const std::string& row : std::vector<std::string>(longer_))
+      if (stretch_loses(row, shorter)) losing.push_back(row);
     for (const std::string& row : losing) {
       set_curve(row, shorter.curve(row), fabric_);
       std::erase(longer_, row);
@@ -474,25 +482,43 @@ class CurveFitter {
 
   /// A control point beyond the tests of stretch bends the curve inside them, too. Where a model
   /// cannot make the forces of the shear, it is found where it makes up for that, and stretch gets
-  /// worse by so much that a control point less pays, even if its other values are found again.
-  bool stretch_loses(const std::string& row) {
+  /// worse by so much that a control point less pays, even if its other values are found again, and
+  /// those of the curve without it with the shear of `shorter`: stretch may have been found with
+  /// quite another one.
+  bool stretch_loses(const std::string& row, const Fabric& shorter) {
     for (const Group& group : groups()) {
       const auto first = first_pass_.find(group.name);
       const bool searched = std::ranges::find(group.rows, row) != group.rows.end();
       if (!searched || first == first_pass_.end()) continue;
       const MechanicalFitResult& before = first->second;
-      const auto less_pays = [&](double cost) {
-        return pays(group, cost, minimized(before), before.residual_count);
+      const auto less_pays = [&](double cost, double less) {
+        return pays(group, cost, less, before.residual_count);
       };
-      if (!less_pays(cost_of(group, fabric_, before))) continue;
+      if (!less_pays(cost_of(group, fabric_, before), minimized(before))) continue;
       Shapes shapes(group);
       const MechanicalFitResult again =
           stage(group, fabric_, 1, most_points_of(group), shapes.here, weights_of(before));
-      result_.stages.back().kept = !less_pays(again.cost_first);
-      if (!result_.stages.back().kept) return true;
+      const std::size_t place = result_.stages.size() - 1;
+      const bool loses = less_pays(again.cost_first, minimized(before)) &&
+                         less_pays(again.cost_first, cost_without_longer(group, shorter, before));
+      result_.stages[place].kept = !loses;
+      if (loses) return true;
       fabric_ = again.fabric;
     }
     return false;
+  }
+
+  /// Of a stretch found again with the shear of `shorter`, with the weights of `before`.
+  double cost_without_longer(const Group& stretch, const Fabric& shorter,
+                             const MechanicalFitResult& before) {
+    const std::vector<std::string> longer = std::exchange(longer_, {});
+    Shapes shapes(stretch);
+    const double cost = stage(stretch, shorter, 1, most_points_of(stretch, shorter), shapes.here,
+                              weights_of(before))
+                            .cost_first;
+    result_.stages.back().kept = false;
+    longer_ = longer;
+    return cost;
   }
 
   /// Threads that are sheared between stiff bars may be stretched beyond what the tests of stretch
@@ -522,8 +548,7 @@ class CurveFitter {
   /// What runs off to an end of its range follows something else, such as the error of the mesh;
   /// and so does a diagonal bend that its tests do not determine.
   static bool left_at_start(const Group& group, const MechanicalFitResult& found) {
-    return ends_at_a_bound(found) ||
-           (step_of(group.rows.front())->step == Step::diagonal && !is_determined(found));
+    return ends_at_a_bound(found) || (is_diagonal(group) && !is_determined(found));
   }
 
   static bool ends_at_a_bound(const MechanicalFitResult& found) {
@@ -566,12 +591,11 @@ class CurveFitter {
 
   /// One more control point each, as long as it pays: with the weights of the fit without it, for
   /// costs of different weights say nothing of each other. Returns the last that did.
-  Kept subdivide(const Group& group, Kept kept, Shapes& shapes, int pass) {
+  Kept subdivide(const Group& group, Kept kept, Shapes& shapes) {
     for (int points = 2; points <= options_.most_points && !stopped_; ++points) {
       Fabric finer = fabric_;
       if (!place_points(group, points, shapes.here, finer)) break;
-      Kept found =
-          at_last_stage(stage(group, finer, pass, points, shapes.here, weights_of(kept.fit)));
+      Kept found = at_last_stage(stage(group, finer, 1, points, shapes.here, weights_of(kept.fit)));
       result_.stages[found.stage].kept =
           pays(group, minimized(kept.fit), found.fit.cost_first, found.fit.residual_count) &&
           pays_on_finer_cells(group, kept, found, shapes);
@@ -580,23 +604,6 @@ class CurveFitter {
       kept = std::move(found);
     }
     return kept;
-  }
-
-  /// The shear once more from a constant: it depends on the bends, which come after it, and may
-  /// have got control points for what was wrong with them. Kept where that costs no more.
-  void subdivide_anew(const Group& group, int pass, const MechanicalFitResult& before,
-                      Shapes& shapes) {
-    Fabric constant = before.fabric;
-    if (most_points_of(group) == 1 || !place_points(group, 1, shapes.here, constant)) return;
-    const std::size_t first = result_.stages.size();
-    const MechanicalFitResult found =
-        stage(group, constant, pass, 1, shapes.here, weights_of(before));
-    fabric_ = found.fabric;
-    subdivide(group, at_last_stage(found), shapes, pass);
-    const double most = (1 + options_.least_reduction) * cost_of(group, before.fabric, before);
-    if (!stopped_ && cost_of(group, fabric_, before) <= most) return;
-    fabric_ = before.fabric;
-    for (std::size_t i = first; i < result_.stages.size(); ++i) result_.stages[i].kept = false;
   }
 
   /// With the weights of `fit`, and what priors add.
@@ -610,10 +617,11 @@ class CurveFitter {
     return cost;
   }
 
-  int most_points_of(const Group& group) const {
+  int most_points_of(const Group& group) const { return most_points_of(group, fabric_); }
+  static int most_points_of(const Group& group, const Fabric& fabric) {
     int points = 1;
     for (const std::string& row : group.rows)
-      if (may_be_curve(fabric_, row)) points = std::max(points, fabric_.value_count(row));
+      if (may_be_curve(fabric, row)) points = std::max(points, fabric.value_count(row));
     return points;
   }
 
@@ -710,12 +718,29 @@ class CurveFitter {
     return strain_range(sample);
   }
 
+  /// What hangs by its weight hardly feels how stiff the cloth is in its plane, where cloth between
+  /// clips folds by how it bends: bends that are wrong by a factor cost stretch and shear control
+  /// points. So rough bends come first where other components are searched as well.
+  void begin_with_bends() {
+    const std::vector<Group> all = groups();
+    if (std::ranges::all_of(all, bends)) return;
+    for (const Group& group : all) {
+      if (!bends(group) || stopped_) continue;
+      if (is_diagonal(group)) {
+        follow_other_bends(group.rows);
+        continue;
+      }
+      begin(options_.fit.first_cells == FirstCells::halved ? on_fewer_cells(group) : group);
+      begun_.insert(group.name);
+    }
+  }
+
   void incremental() {
+    begin_with_bends();
     for (int pass = 1; pass <= options_.passes; ++pass)
       for (const Group& group : groups()) {
         if (stopped_) continue;
-        const bool diagonal = step_of(group.rows.front())->step == Step::diagonal;
-        if (diagonal && pass == 1) follow_other_bends(group.rows);
+        if (is_diagonal(group) && pass == 1) follow_other_bends(group.rows);
         fit_group(group, pass);
       }
   }
@@ -730,6 +755,7 @@ class CurveFitter {
   const CurveFitOptions& options_;
   const CurveFitObserver& observer_;
   CurveFitResult result_;
+  std::set<std::string, std::less<>> begun_;                            ///< groups, before a pass
   std::map<std::string, MechanicalFitResult, std::less<>> first_pass_;  ///< by group
   bool stopped_ = false;
 };
@@ -756,7 +782,7 @@ Vec3 strain_of_clips(const std::vector<Clip>& clips, double grain_angle) {
       to.row(k) = clip.place(uv);
     }
   }
-  const Mat3 map = from.colPivHouseholderQr().solve(to).transpose();
+  const Mat3 map = least_squares_solution(from, to).transpose();
   return strain_of_threads(map.leftCols<2>(), grain_angle);
 }
 

@@ -13,15 +13,14 @@ namespace weft {
 
 enum class FitOrder {
   joint,  ///< all parameters to all captures at once
-  /// Weft and warp stretch, then shear (by the forces along the clips), then weft and warp bend,
-  /// each from the captures that isolate it, then the diagonal bend from those of all bends; then
-  /// once more. The diagonal
-  /// bend begins in the proportion to the other two that it has in the start. Where threads are
-  /// stretched by a tenth more in the shear than in their own tests, curves that are subdivided get
-  /// a control point there, which is found with the shear, from all components of its forces, and
-  /// given back where the tests of stretch lose by it. Where the bends that were found have changed
-  /// the shear's cost by 5 %, it is subdivided anew in the second pass: it may have got control
-  /// points for what was wrong with them.
+  /// Where other components are searched beside bends, first weft and warp bend, roughly: what
+  /// hangs hardly feels the stretch, but cloth between clips folds by how it bends. Then weft and
+  /// warp stretch, then shear (by the forces along the clips), then weft and warp bend, each from
+  /// the captures that isolate it, then the diagonal bend from those of all bends; then once more.
+  /// The diagonal bend begins in the proportion to the other two that it has in the start. Where
+  /// threads are stretched by a tenth more in the shear than in their own tests, curves that are
+  /// subdivided get a control point there, which is found with the shear, from all components of
+  /// its forces, and given back where the tests of stretch lose by it.
   incremental
 };
 /// "joint", "incremental". Throws Error for another name.
@@ -77,7 +76,8 @@ struct CurveFitOptions {
 struct CurveFitStage {
   std::string name;  ///< "shear", "weft_bend, 3 points", "shear, half the cells", "all"
   int pass = 1;
-  int points = 1;  ///< control points of its curve
+  std::vector<std::string> captures;  ///< names of those that it was fitted to
+  int points = 1;                     ///< control points of its curve
   /// False: one control point more than pays, or, in the incremental order, a constant that ran off
   /// to an end of its range and a diagonal bend that its tests do not determine; the parameters are
   /// those of before.
