@@ -11,7 +11,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -21,6 +20,7 @@
 
 #include "program.h"
 #include "thread_models.h"
+#include "weft/base/clock.h"
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
 #include "weft/estimate/curve_fit.h"
@@ -74,10 +74,6 @@ Fabric true_fabric(const MechanicalCapture& capture) {
   for (const Truth& row : kTruth)
     fabric.set(row.parameter, file.table(row.table).number(row.key, {0, 1e6}));
   return fabric;
-}
-
-double seconds_since(std::chrono::steady_clock::time_point begin) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
 void print_difference(const std::string& name, const MechanicalTrial& trial,
@@ -257,7 +253,7 @@ Arguments parse(int argc, char** argv) {
 }
 
 void run(const Arguments& arguments) {
-  const auto begin = std::chrono::steady_clock::now();
+  const auto begin = Clock::now();
   if (arguments.has("truth")) truth_table(arguments, all_tests(), {arguments.options.cells});
   if (arguments.has("refinement"))
     truth_table(arguments, {"stretch_u", "shear", "bend_v", "strip_15"}, {8, 16, 32});

@@ -24,6 +24,7 @@
 
 #include "program.h"
 #include "thread_models.h"
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/estimate/component_strains.h"
 #include "weft/estimate/curve_fit.h"
@@ -335,7 +336,7 @@ void bound(const Arguments& arguments, const std::string& name) {
   // The cost is the mean of the squares.
   const auto count = static_cast<double>(problem.residual_count());
   const MatX covariance =
-      2 / count * model.hessian.ldlt().solve(MatX::Identity(at.size(), at.size()));
+      2 / count * solve_symmetric(model.hessian, MatX::Identity(at.size(), at.size()));
   const auto frames =
       simulate_mechanical(trials, truth, MechanicalDerivatives::none, arguments.threads);
   fmt::print("\n{}: least rms error by the noise, the truth's control points known\n", name);

@@ -230,9 +230,9 @@ void run(const Arguments& arguments, const CLI::App& command) {
 }  // namespace
 
 void add_cantilever(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "cantilever",
-      "flexural rigidity from a cantilever test: an overhang, a profile, a photograph");
+  auto* command =
+      add_command(app, "cantilever",
+                  "flexural rigidity from a cantilever test: an overhang, a profile, a photograph");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("profile", arguments->profile,
                       "CSV with columns x, y (m, from the clamp to the tip, y up), or a picture of "

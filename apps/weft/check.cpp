@@ -118,7 +118,7 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_check(CLI::App& app) {
-  auto* command = app.add_subcommand("check", "read a capture folder and say what is in it");
+  auto* command = add_command(app, "check", "read a capture folder and say what is in it");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->footer("Example:\n  weft check data/captures/cotton_waving_A");

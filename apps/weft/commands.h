@@ -1,9 +1,14 @@
 #pragma once
 /// The subcommands of the program: one file each, one function that declares its arguments and what
-/// it does. main.cpp holds the table.
-#include <CLI/CLI.hpp>
+/// it does. main.cpp holds the table, and alone includes all of CLI11, which is in headers and
+/// takes a compiler seconds.
+#include <CLI/App.hpp>
+#include <string>
 
 namespace weft::app {
+
+/// A subcommand of `app`.
+CLI::App* add_command(CLI::App& app, std::string name, std::string description);
 
 void add_check(CLI::App& app);
 void add_surface(CLI::App& app);

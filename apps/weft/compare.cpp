@@ -106,8 +106,8 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_compare(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "compare", "fabrics side by side on some captures; keeps the one with the smallest sum");
+  auto* command = add_command(
+      app, "compare", "fabrics side by side on some captures; keeps the one with the smallest sum");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("captures", arguments->captures, "capture folders, such as two trials")
       ->required();

@@ -183,8 +183,8 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_cusick(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "cusick",
+  auto* command = add_command(
+      app, "cusick",
       "drape coefficient and lobes: of a fabric, simulated, or of a shadow's picture; or the bend "
       "of a fabric from its coefficient");
   auto arguments = std::make_shared<Arguments>();

@@ -109,10 +109,10 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_evaluate(CLI::App& app) {
-  auto* command = app.add_subcommand("evaluate",
-                                     "how well a fabric explains a capture: fit frames and later "
-                                     "ones of a video apart; forces and "
-                                     "shapes of a mechanical test or a scan");
+  auto* command = add_command(app, "evaluate",
+                              "how well a fabric explains a capture: fit frames and later "
+                              "ones of a video apart; forces and "
+                              "shapes of a mechanical test or a scan");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();

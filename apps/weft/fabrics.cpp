@@ -118,7 +118,7 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_fabrics(CLI::App& app) {
-  auto* command = app.add_subcommand("fabrics", "list the built-in fabrics and the parameters");
+  auto* command = add_command(app, "fabrics", "list the built-in fabrics and the parameters");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("name", arguments->name, "one fabric: a preset or a file");
   command->add_option("--scale", arguments->scale, "multiply values: NAME=FACTOR ...");

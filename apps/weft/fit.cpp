@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -21,6 +20,7 @@
 #include "report_of_fit.h"
 #include "report_of_mechanical.h"
 #include "scan.h"
+#include "weft/base/clock.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
@@ -173,7 +173,7 @@ class PhaseProgress {
       options.start = phase_begin_;
       bar_ = std::make_unique<Progress>(phase_, progress.total, options);
     }
-    phase_begin_ = std::chrono::steady_clock::now();  // of the next, if this was the last step
+    phase_begin_ = Clock::now();  // of the next, if this was the last step
     bar_->update(progress.done,
                  fmt::format("error {:.4g}, best {:.4g}{}", progress.step.error, progress.step.best,
                              progress.replayed > replayed_ ? " (replayed)" : ""));
@@ -187,7 +187,7 @@ class PhaseProgress {
   std::string phase_;
   std::unique_ptr<Progress> bar_;
   std::size_t replayed_ = 0;  // until the step before
-  std::chrono::steady_clock::time_point phase_begin_ = std::chrono::steady_clock::now();
+  Clock::time_point phase_begin_ = Clock::now();
 };
 
 std::vector<std::pair<std::string, ReportValue>> settings(const Arguments& arguments,
@@ -496,7 +496,7 @@ void run_by_kind(Arguments& arguments, const CLI::App& command) {
 
 void add_fit(CLI::App& app) {
   auto* command =
-      app.add_subcommand("fit", "the fabric that explains one or more captures, with a report");
+      add_command(app, "fit", "the fabric that explains one or more captures, with a report");
   auto arguments = std::make_shared<Arguments>();
   command
       ->add_option("captures", arguments->captures,

@@ -77,7 +77,7 @@ void run(Arguments arguments) {
 }  // namespace
 
 void add_landscape(CLI::App& app) {
-  auto* command = app.add_subcommand("landscape", "the error over two parameters, as a picture");
+  auto* command = add_command(app, "landscape", "the error over two parameters, as a picture");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "the other parameters: preset or fabric.toml")

@@ -8,6 +8,10 @@
 #include "commands.h"
 #include "weft/base/error.h"
 
+CLI::App* weft::app::add_command(CLI::App& app, std::string name, std::string description) {
+  return app.add_subcommand(std::move(name), std::move(description));
+}
+
 namespace {
 
 constexpr int kUserError = 2;

@@ -70,7 +70,7 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_matrix(CLI::App& app) {
-  auto* command = app.add_subcommand("matrix", "every fabric against every capture");
+  auto* command = add_command(app, "matrix", "every fabric against every capture");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("captures", arguments->captures, "capture folders")->required();
   command->add_option("--fabrics", arguments->fabrics, "presets or fabric.toml files")->required();

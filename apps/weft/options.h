@@ -1,6 +1,6 @@
 #pragma once
 /// Arguments that several subcommands share.
-#include <CLI/CLI.hpp>
+#include <CLI/App.hpp>
 #include <filesystem>
 #include <functional>
 #include <memory>

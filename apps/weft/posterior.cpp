@@ -222,8 +222,8 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_posterior(CLI::App& app) {
-  auto* command = app.add_subcommand("posterior",
-                                     "the distribution of the parameters after a fit, by sampling");
+  auto* command =
+      add_command(app, "posterior", "the distribution of the parameters after a fit, by sampling");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("fit", arguments->fit, "folder of a fit")->required();
   command->add_option(

@@ -223,8 +223,8 @@ void run(const Arguments& arguments, const CLI::App& command) {
 }  // namespace
 
 void add_profile(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "profile",
+  auto* command = add_command(
+      app, "profile",
       "intervals by how the cost rises when a parameter is held and all others follow: wider or "
       "narrower than those of a fit on a side where the cost is no parabola; of the data alone, "
       "without priors");

@@ -371,8 +371,8 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_register(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "register", "a regular grid laid on a 3D scan of a swatch, or on each of a sequence");
+  auto* command = add_command(
+      app, "register", "a regular grid laid on a 3D scan of a swatch, or on each of a sequence");
   auto arguments = std::make_shared<Arguments>();
   command
       ->add_option("scan", arguments->scan,

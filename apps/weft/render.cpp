@@ -81,7 +81,7 @@ void run(const Arguments& arguments) {
 
 void add_render(CLI::App& app) {
   auto* command =
-      app.add_subcommand("render", "what the capture's camera sees of a simulated or given motion");
+      add_command(app, "render", "what the capture's camera sees of a simulated or given motion");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "simulate this fabric: preset or fabric.toml");

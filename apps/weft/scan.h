@@ -1,6 +1,6 @@
 #pragma once
 /// What the subcommands do with scans (kind = "scan").
-#include <CLI/CLI.hpp>
+#include <CLI/App.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>

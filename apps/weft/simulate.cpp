@@ -73,8 +73,7 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_simulate(CLI::App& app) {
-  auto* command =
-      app.add_subcommand("simulate", "the motion of a fabric in a capture's experiment");
+  auto* command = add_command(app, "simulate", "the motion of a fabric in a capture's experiment");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();

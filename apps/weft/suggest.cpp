@@ -276,8 +276,8 @@ void run(Arguments& arguments) {
 }  // namespace
 
 void add_suggest(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "suggest",
+  auto* command = add_command(
+      app, "suggest",
       "which experiment next: ranked by how much it is expected to shrink the intervals");
   auto arguments = std::make_shared<Arguments>();
   arguments->family.axes.clear();

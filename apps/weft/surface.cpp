@@ -97,7 +97,7 @@ void run(const Arguments& arguments) {
 
 void add_surface(CLI::App& app) {
   auto* command =
-      app.add_subcommand("surface", "the surface of one frame from its stripes, as a mesh");
+      add_command(app, "surface", "the surface of one frame from its stripes, as a mesh");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--frame", arguments->frame, "frame of the video, from 0")

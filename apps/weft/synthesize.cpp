@@ -70,8 +70,8 @@ void run(Arguments arguments) {
 }  // namespace
 
 void add_synthesize(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "synthesize", "a capture with known truth: another mesh, finer steps, sensor noise");
+  auto* command = add_command(
+      app, "synthesize", "a capture with known truth: another mesh, finer steps, sensor noise");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
   command->add_option("--out", arguments->out, "capture folder to write")->required();

@@ -68,8 +68,8 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_variability(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "variability", "how far each parameter can change before the error rises by 1 %");
+  auto* command = add_command(app, "variability",
+                              "how far each parameter can change before the error rises by 1 %");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("captures", arguments->captures, "capture folders")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();

@@ -3,11 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 
 #include "estimate/analytic_problem.h"
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
@@ -49,8 +49,8 @@ struct LinearProblem {
       right += a[k].transpose() * y[k];
     }
     Solution solution;
-    solution.x = normal.ldlt().solve(right);
-    solution.inverse_normal = normal.inverse();
+    solution.x = solve_symmetric(normal, right);
+    solution.inverse_normal = inverse(normal);
     for (std::size_t k = 0; k < a.size(); ++k) {
       const VecX r = a[k] * solution.x - y[k];
       solution.residual_variance += r.squaredNorm() / (clusters * size);
@@ -144,7 +144,7 @@ TEST(Uncertainty, ErrorsThatLastThroughAllFramesAreSeenInThePatches) {
         right += rights.back();
       }
     }
-    const VecX error = hessian.ldlt().solve(right);
+    const VecX error = solve_symmetric(hessian, right);
     for (std::size_t i = 0; i < parts.size(); ++i)
       parts[i].part.gradient = parts[i].part.hessian * error - rights[i];
     const VecX scaled = truth + error;
@@ -206,7 +206,7 @@ TEST(Uncertainty, IntervalsCoverTheTruthWithFewUnequalClusters) {
       hessian += h;
       parts.push_back({0, k, {}, h});
     }
-    const VecX x = hessian.ldlt().solve(right);  // truth: 0
+    const VecX x = solve_symmetric(hessian, right);  // truth: 0
     for (int k = 0; k < clusters; ++k) {
       const auto at = static_cast<std::size_t>(k);
       parts[at].gradient = parts[at].hessian * x - rights[at];

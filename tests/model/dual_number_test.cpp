@@ -3,11 +3,11 @@
 /// largest entry, as in the strains' test.
 #include <gtest/gtest.h>
 
-#include <Eigen/QR>
 #include <numbers>
 
 #include "common/dual_strains.h"
 #include "common/energy_battery.h"
+#include "weft/base/dense.h"
 #include "weft/base/random.h"
 #include "weft/model/cloth_model.h"
 
@@ -138,7 +138,7 @@ class Reference {
     }
     if (!rim.empty()) {
       const MatX free = by_angle(Eigen::all, rim);
-      bend.map -= free * free.colPivHouseholderQr().solve(bend.map);
+      bend.map -= free * least_squares_solution(free, bend.map);
       for (const Eigen::Index j : rim) bend.map.col(j).setZero();
     }
     bends_.push_back(bend);

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "common/elastic_battery.h"
+#include "weft/base/dense.h"
 
 namespace weft {
 namespace {
@@ -60,9 +61,10 @@ double density(const ElasticModel& model, const Vec3& strain) {
   // F = sqrt(1 + 2 E), symmetric, by its eigenvectors.
   Eigen::Matrix2d c;
   c << 1 + 2 * strain[0], strain[2], strain[2], 1 + 2 * strain[1];
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(c);
+  const SymmetricEigen stretch = symmetric_eigen(c);
   Points x = flat_positions(model.mesh());
-  x.topRows<2>() = solver.operatorSqrt() * model.mesh().material;
+  x.topRows<2>() = stretch.vectors * stretch.values.cwiseSqrt().asDiagonal() *
+                   stretch.vectors.transpose() * model.mesh().material;
   return model.energy(x);
 }
 

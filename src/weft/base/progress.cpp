@@ -8,8 +8,6 @@
 namespace weft {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 std::string duration_text(double seconds) {
   const auto whole = std::lround(seconds);
   if (whole < 60) return fmt::format("{} s", whole);
@@ -20,10 +18,6 @@ std::string duration_text(double seconds) {
 /// "3/10", or "3" where the total is not known.
 std::string count_text(std::size_t done, std::size_t total) {
   return total > 0 ? fmt::format("{}/{}", done, total) : fmt::format("{}", done);
-}
-
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
 }  // namespace

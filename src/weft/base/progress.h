@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <string>
 
+#include "weft/base/clock.h"
+
 namespace weft {
 
 /// One line of progress with an estimate of the time left. On a terminal the line is rewritten in
@@ -15,7 +17,7 @@ class Progress {
     std::chrono::milliseconds log_interval{10000};
     bool quiet = false;  ///< print nothing
     /// When the work began, if that was before the construction.
-    std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+    Clock::time_point start = Clock::now();
   };
 
   Progress(std::string label, std::size_t total, Options options);
@@ -37,8 +39,8 @@ class Progress {
   bool terminal_ = false;
   bool finished_ = false;
   std::size_t done_ = 0;
-  std::chrono::steady_clock::time_point start_;
-  std::chrono::steady_clock::time_point last_print_;
+  Clock::time_point start_;
+  Clock::time_point last_print_;
 };
 
 }  // namespace weft

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "weft/base/dense.h"
+
 namespace weft {
 namespace {
 
@@ -68,10 +70,12 @@ Clip clip_of_shape(const Clip& clip, const TriangleMesh& mesh, const std::vector
     from.col(k) = in_clip(clip, mesh.material.col(held[at(k)]));
     to.col(k) = x.col(held[at(k)]);
   }
-  const Eigen::Matrix4d motion = Eigen::umeyama(from, to, false);
+  const Vec3 center = from.rowwise().mean(), position = to.rowwise().mean();
+  const Mat3 rotation = nearest_rotation(
+      singular_values_3((to.colwise() - position) * (from.colwise() - center).transpose()));
   Clip result = clip;
-  result.position = motion.topRightCorner<3, 1>();
-  result.rotation = Eigen::Quaterniond(Mat3(motion.topLeftCorner<3, 3>())).normalized();
+  result.position = position - rotation * center;
+  result.rotation = Eigen::Quaterniond(rotation).normalized();
   return result;
 }
 

@@ -1,9 +1,9 @@
 #include "weft/dynamics/loaded_clips.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/dynamics/equilibrium_derivatives.h"
 
@@ -30,15 +30,8 @@ Mat3 curvature_of_turn(const Vec3& g, const Vec3& r) {
 }
 
 /// A symmetric matrix by its eigenvalues.
-struct Eigensystem {
-  VecX values;
-  MatX vectors;
-
-  explicit Eigensystem(const MatX& matrix) {
-    const Eigen::SelfAdjointEigenSolver<MatX> solver(matrix);
-    values = solver.eigenvalues();
-    vectors = solver.eigenvectors();
-  }
+struct Eigensystem : SymmetricEigen {
+  explicit Eigensystem(const MatX& matrix) : SymmetricEigen(symmetric_eigen(matrix)) {}
   double floor() const { return kLeastCurvature * values.cwiseAbs().maxCoeff(); }
   bool definite() const { return values.minCoeff() > floor(); }
   /// Negative curvatures as if positive, with `shift` added.

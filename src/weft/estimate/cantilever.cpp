@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/estimate/least_squares.h"
 
@@ -116,7 +116,7 @@ Derivatives local_cubic(const MaterialPoints& profile, const VecX& arc, double s
   if (used < kLeastPoints)
     throw Error(fmt::format("cantilever: {} points within the window of {:g} m; {} are needed",
                             used, window, kLeastPoints));
-  const Eigen::Matrix<double, 4, 2> c = normal.ldlt().solve(right);
+  const Eigen::Matrix<double, 4, 2> c = solve_symmetric(normal, right);
   return {c.row(1).transpose() / window, 2 * c.row(2).transpose() / (window * window)};
 }
 

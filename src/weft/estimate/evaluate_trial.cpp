@@ -1,18 +1,13 @@
 #include "weft/estimate/evaluate_trial.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 
+#include "weft/base/clock.h"
+
 namespace weft {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 /// What looks at simulated shapes; one a thread.
 class Eye {

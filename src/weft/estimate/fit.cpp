@@ -4,13 +4,13 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <mutex>
 #include <numeric>
 
+#include "weft/base/clock.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
@@ -38,14 +38,13 @@ class Fit {
   }
 
   FitResult run() {
-    const auto begin = std::chrono::steady_clock::now();
+    const auto begin = Clock::now();
     evaluate_middle();
     VecX start = first_guess();
     if (!coarse_dimensions_.empty() && !stopped_) start = search_coarsely(start);
     if (!stopped_) anneal_from(start);
     conclude();
-    result_.wall_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    result_.wall_s = seconds_since(begin);
     return std::move(result_);
   }
 

@@ -1,7 +1,6 @@
 #include "weft/estimate/force_weights.h"
 
-#include <Eigen/Cholesky>
-
+#include "weft/base/dense.h"
 #include "weft/dynamics/clip_poses.h"
 
 namespace weft {
@@ -26,7 +25,7 @@ MatX force_weight(const MatX& pose_derivative, const std::vector<Clip>& clips,
   const MatX by_poses =
       directions * pose_derivative * pose_deviations(clips, clip_noise / force_noise).asDiagonal();
   const MatX covariance = MatX::Identity(count, count) + by_poses * by_poses.transpose();
-  return covariance.llt().matrixL().solve(MatX::Identity(count, count));
+  return inverse_of_cholesky_factor(covariance);
 }
 
 }  // namespace weft

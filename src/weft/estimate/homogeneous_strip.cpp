@@ -2,10 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/LU>
 #include <cmath>
 #include <limits>
+#include <optional>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/estimate/linearize_trial.h"
 
@@ -56,15 +57,18 @@ bool settle(const ElasticModel& model, const Shape& shape, int free, Vec3& state
     const double scale = std::max(found.hessian(0, 0), 1e-12);
     if (free == 0 || found.gradient.segment(1, free).norm() <= kTolerance * scale) return true;
     MatX h = found.hessian.block(1, 1, free, free);
-    for (double added = 1e-9 * scale; !(h.determinant() > 0 && h(0, 0) > 0); added *= 10)
+    const VecX downhill = -found.gradient.segment(1, free);
+    std::optional<MatX> step = solve_positive(h, downhill);
+    for (double added = 1e-9 * scale; !step; added *= 10) {
       h.diagonal().array() += added;
-    const VecX step = -h.inverse() * found.gradient.segment(1, free);
-    double part = std::min(1.0, 0.2 / std::max(step.norm(), 1e-300));
+      step = solve_positive(h, downhill);
+    }
+    double part = std::min(1.0, 0.2 / std::max(step->norm(), 1e-300));
     Local next;
     Vec3 moved;
     for (;; part /= 2) {
       moved = state;
-      moved.segment(1, free) += part * step;
+      moved.segment(1, free) += part * *step;
       next = local(model, shape, moved);
       if (next.energy <= found.energy + kRounding * scale || part < 1e-9) break;
     }
@@ -122,7 +126,7 @@ std::vector<StripState> HomogeneousStrip::pull(const VecX& stretches, Derivative
       MatX moved = MatX::Zero(3, parameters);
       if (free > 0)
         moved.middleRows(1, free) =
-            -found.hessian.block(1, 1, free, free).inverse() * reduced.middleRows(1, free);
+            -inverse(found.hessian.block(1, 1, free, free)) * reduced.middleRows(1, free);
       derivatives->force.row(i) = reduced.row(0) + found.hessian.row(0) * moved;
       derivatives->lateral.row(i) = moved.row(1);
       if (model.history_size() > 0)

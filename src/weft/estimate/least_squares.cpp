@@ -1,12 +1,12 @@
 #include "weft/estimate/least_squares.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <limits>
 #include <vector>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 
 namespace weft {
@@ -48,7 +48,7 @@ class BoxProgram {
     const VecX gradient = g_ + a_ * s_;
     const MatX matrix = a_(free, free);
     const VecX right = -gradient(free);
-    const VecX solution = matrix.ldlt().solve(right);
+    const VecX solution = solve_symmetric(matrix, right);
     step(free) = solution;
     return step;
   }

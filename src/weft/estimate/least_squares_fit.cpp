@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <mutex>
 #include <numeric>
 
+#include "weft/base/clock.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
@@ -76,15 +76,14 @@ class LeastSquaresFit {
   }
 
   FitResult run() {
-    const auto begin = std::chrono::steady_clock::now();
+    const auto begin = Clock::now();
     std::vector<Candidate> candidates = screen();
     for (const FitStage& stage : options_.stages) {
       if (stopped_) break;
       run_stage(stage, candidates);
     }
     conclude();
-    result_.wall_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    result_.wall_s = seconds_since(begin);
     return std::move(result_);
   }
 

@@ -1,12 +1,12 @@
 #include "weft/estimate/linearize_trial.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <map>
 
+#include "weft/base/clock.h"
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/estimate/evaluate_trial.h"
@@ -111,7 +111,6 @@ class TrialComparer {
   }
 
  private:
-  using Clock = std::chrono::steady_clock;
   /// About the measured silhouettes of all frames.
   PatchGrid patch_grid() const {
     Eigen::Index top = trial_.capture.rig.height, left = trial_.capture.rig.width;
@@ -132,10 +131,6 @@ class TrialComparer {
     return {double(left), double(top), double(right), double(bottom)};
   }
 
-  static double seconds_since(Clock::time_point begin) {
-    return std::chrono::duration<double>(Clock::now() - begin).count();
-  }
-
   /// Directions of the vertices along which the motion is looked at, and the way back to the
   /// parameters.
   struct Principal {
@@ -145,12 +140,12 @@ class TrialComparer {
     // Past a snap derivatives may overflow: the limit of the trust below.
     if (!dx.allFinite()) return {MatX(dx.rows(), 0), MatX(dx.cols(), 0)};
     const double vertices = double(dx.rows()) / 3;
-    const Eigen::SelfAdjointEigenSolver<MatX> principal(dx.transpose() * dx / vertices);
-    const VecX motion = principal.eigenvalues().cwiseMax(0).cwiseSqrt();  // ascending
+    const SymmetricEigen principal = symmetric_eigen(dx.transpose() * dx / vertices);
+    const VecX motion = principal.values.cwiseMax(0).cwiseSqrt();  // ascending
     Eigen::Index still = 0;
     while (still < motion.size() && motion[still] < least_motion_) ++still;
     const Eigen::Index moving = motion.size() - still;
-    const MatX basis = principal.eigenvectors().rightCols(moving);
+    const MatX basis = principal.vectors.rightCols(moving);
     const VecX trust =
         (1 + (motion.tail(moving) / unstable_motion_).array().square()).inverse().matrix();
     return {dx * basis, basis * trust.asDiagonal()};

@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 
+#include "weft/base/clock.h"
 #include "weft/base/error.h"
 #include "weft/estimate/computed_overhang.h"
 #include "weft/estimate/content_hash.h"
@@ -788,10 +788,6 @@ std::string fit_fingerprint(const MechanicalProblem& problem, const Fabric& star
 
 namespace {
 
-double seconds_since(std::chrono::steady_clock::time_point begin) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
-
 MechanicalFitOptions without_mesh(MechanicalFitOptions options) {
   options.mesh_error = MeshError::left_out;
   return options;
@@ -812,7 +808,7 @@ class FitSearch {
   }
 
   MechanicalFitResult run(const Fabric& start) {
-    const auto begin = std::chrono::steady_clock::now();
+    const auto begin = Clock::now();
     const VecX from = problem_.scaled(start);
     result_.start = problem_.fabric(from);
     result_.residual_count = problem_.residual_count();
@@ -1007,7 +1003,7 @@ MechanicalFitResult fit_mechanical(const MechanicalProblem& problem, const Fabri
 MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fabric& fabric,
                                       const MechanicalFitOptions& options,
                                       MechanicalShapes* shapes) {
-  const auto begin = std::chrono::steady_clock::now();
+  const auto begin = Clock::now();
   MechanicalFitResult result;
   MechanicalShapes here("end");
   MechanicalProblem weighed = problem;

@@ -1,10 +1,10 @@
 #include "weft/estimate/mesh_error.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <utility>
 #include <vector>
 
+#include "weft/base/dense.h"
 #include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/uncertainty.h"
 
@@ -17,12 +17,12 @@ constexpr double kMeshLimit = 2;
 /// - H^-1 gradient over the directions that the data determine: those whose standard deviation
 /// alone would not make an interval that says nothing.
 VecX newton_step(const MatX& hessian, const VecX& gradient, double noise) {
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(hessian);
+  const SymmetricEigen eigen = symmetric_eigen(hessian);
   const double least = noise / (widest_half_interval * widest_half_interval);
-  VecX along = eigen.eigenvectors().transpose() * gradient;
+  VecX along = eigen.vectors.transpose() * gradient;
   for (Eigen::Index i = 0; i < along.size(); ++i)
-    along[i] = eigen.eigenvalues()[i] > least ? -along[i] / eigen.eigenvalues()[i] : 0;
-  return eigen.eigenvectors() * along;
+    along[i] = eigen.values[i] > least ? -along[i] / eigen.values[i] : 0;
+  return eigen.vectors * along;
 }
 
 /// The same within the ranges: what is at an end towards which the cost falls is held there, what

@@ -4,10 +4,10 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 
+#include "weft/base/clock.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/estimate/estimate_scatter.h"
@@ -498,7 +498,7 @@ MotionFitResult fit_motion(MotionProblem problem, const VecX& start,
   if (options.passes < 1) throw Error("motion fit: passes must be at least 1");
   if (!(options.confidence > 0) || !(options.confidence < 1))
     throw Error("motion fit: the confidence must lie within 0 and 1");
-  const auto begin = std::chrono::steady_clock::now();
+  const auto begin = Clock::now();
   MotionFitResult result;
   VecX x = start.cwiseMax(0).cwiseMin(1);
   result.cost_start = problem.cost(x);
@@ -530,7 +530,7 @@ MotionFitResult fit_motion(MotionProblem problem, const VecX& start,
   result.cost = found.model.cost;
   result.inexact = found.inexact;
   add_intervals(problem, found, options.confidence, result);
-  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  result.wall_s = seconds_since(begin);
   return result;
 }
 

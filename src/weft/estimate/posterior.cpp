@@ -2,12 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
@@ -213,11 +212,10 @@ bool LikelihoodSurrogate::fit(const VecX& differences, double length, double noi
     }
     matrix(i, i) += noise;
   }
-  const Eigen::LLT<MatX> factor(matrix);
-  if (factor.info() != Eigen::Success) return false;
-  const MatX inverse = factor.solve(MatX::Identity(count, count));
-  weights = inverse * differences;
-  score = weights.cwiseQuotient(inverse.diagonal()).squaredNorm();
+  const std::optional<MatX> inverse = solve_positive(matrix, MatX::Identity(count, count));
+  if (!inverse) return false;
+  weights = *inverse * differences;
+  score = weights.cwiseQuotient(inverse->diagonal()).squaredNorm();
   return std::isfinite(score);
 }
 

@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <optional>
 
+#include "weft/base/clock.h"
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 #include "weft/estimate/content_hash.h"
@@ -608,7 +608,7 @@ void check(const ScanFitOptions& options) {
 ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOptions& options,
                        const ScanFitObserver& observer) {
   check(options);
-  const auto begin = std::chrono::steady_clock::now();
+  const auto begin = Clock::now();
   ScanFitResult result;
   Rng rng(options.seed);
   std::optional<VecX> best;
@@ -656,7 +656,7 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
     result.intervals = std::move(found.intervals);
     result.certainty = std::move(found.certainty);
   }
-  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  result.wall_s = seconds_since(begin);
   return result;
 }
 

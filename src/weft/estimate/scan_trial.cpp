@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/estimate/mechanical_trial.h"
@@ -166,10 +166,7 @@ Pose nearest_pose(const MaterialPoints& uv, const Points& x) {
     const Vec2 d = uv.col(i) - pose.center;
     sum += (x.col(i) - pose.position) * Vec3(d.x(), d.y(), 0).transpose();
   }
-  const Eigen::JacobiSVD<Mat3> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Mat3 u = svd.matrixU();
-  if ((u * svd.matrixV().transpose()).determinant() < 0) u.col(2) *= -1;
-  pose.rotation = u * svd.matrixV().transpose();
+  pose.rotation = nearest_rotation(singular_values_3(sum));
   return pose;
 }
 

@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
 #include "weft/estimate/linearize_trial.h"
@@ -168,8 +168,7 @@ class Suggester {
   }
 
   VecX half_widths(const MatX& information) const {
-    const MatX inverse = information.llt().solve(MatX::Identity(known_.rows(), known_.cols()));
-    return quantile_ * inverse.diagonal().cwiseSqrt();
+    return quantile_ * inverse(information).diagonal().cwiseSqrt();
   }
 
   void expect(Suggestion& result) const {

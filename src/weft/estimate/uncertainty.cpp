@@ -2,15 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/estimate/variability.h"
 
@@ -76,8 +73,7 @@ struct DirectionSplit {
   }
   /// Directions among those that are kept.
   void give_up(const MatX& given_up) {
-    const Eigen::HouseholderQR<MatX> qr(MatX(kept.transpose() * given_up));
-    const MatX all = qr.householderQ();
+    const MatX all = orthonormal_basis(kept.transpose() * given_up);
     const MatX first = all.leftCols(given_up.cols()),
                rest = all.rightCols(all.cols() - given_up.cols());
     give_up(first, rest);
@@ -91,19 +87,18 @@ std::vector<VecX> leave_each_out(const std::vector<CostPart>& clusters, const Co
   std::vector<VecX> shifts;
   for (std::size_t k = 0; k < clusters.size() && directions.kept.cols() > 0;) {
     const MatX& basis = directions.kept;
-    const Eigen::SelfAdjointEigenSolver<MatX> eigen(basis.transpose() *
-                                                    (sum.hessian - clusters[k].hessian) * basis);
-    if (const Eigen::Index none = null_count(eigen.eigenvalues()); none > 0) {
-      directions.give_up(eigen.eigenvectors().leftCols(none),
-                         eigen.eigenvectors().rightCols(basis.cols() - none));
+    const SymmetricEigen eigen =
+        symmetric_eigen(basis.transpose() * (sum.hessian - clusters[k].hessian) * basis);
+    if (const Eigen::Index none = null_count(eigen.values); none > 0) {
+      directions.give_up(eigen.vectors.leftCols(none),
+                         eigen.vectors.rightCols(basis.cols() - none));
       shifts.clear();
       k = 0;
       continue;
     }
     const VecX gradient = basis.transpose() * (sum.gradient - clusters[k].gradient);
     shifts.push_back(
-        -(eigen.eigenvectors() *
-          (eigen.eigenvectors().transpose() * gradient).cwiseQuotient(eigen.eigenvalues())));
+        -(eigen.vectors * (eigen.vectors.transpose() * gradient).cwiseQuotient(eigen.values)));
     ++k;
   }
   return shifts;
@@ -145,24 +140,22 @@ double student_quantile(double p, double degrees_of_freedom) {
 
 namespace {
 
-MatX pseudo_inverse_of(const Eigen::SelfAdjointEigenSolver<MatX>& eigen) {
-  VecX inverse = eigen.eigenvalues().cwiseInverse();
-  inverse.head(null_count(eigen.eigenvalues())).setZero();
-  return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+MatX pseudo_inverse_of(const SymmetricEigen& eigen) {
+  VecX inverse = eigen.values.cwiseInverse();
+  inverse.head(null_count(eigen.values)).setZero();
+  return eigen.vectors * inverse.asDiagonal() * eigen.vectors.transpose();
 }
 
 }  // namespace
 
-MatX pseudo_inverse(const MatX& matrix) {
-  return pseudo_inverse_of(Eigen::SelfAdjointEigenSolver<MatX>(matrix));
-}
+MatX pseudo_inverse(const MatX& matrix) { return pseudo_inverse_of(symmetric_eigen(matrix)); }
 
 double cluster_dispersion(const std::vector<CostPart>& clusters) {
   const CostPart sum = sum_of(clusters);
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(sum.hessian);
+  const SymmetricEigen eigen = symmetric_eigen(sum.hessian);
   const MatX pseudo = pseudo_inverse_of(eigen);
   const VecX step = pseudo * sum.gradient;
-  double scatter = 0, freedom = double(sum.gradient.size() - null_count(eigen.eigenvalues()));
+  double scatter = 0, freedom = double(sum.gradient.size() - null_count(eigen.values));
   for (const CostPart& cluster : clusters) {
     const VecX gradient = cluster.gradient - cluster.hessian * step;
     scatter += gradient.dot(pseudo * gradient);
@@ -219,14 +212,14 @@ ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters, cons
     sum.hessian += prior.hessian;
   }
   const Eigen::Index n = sum.gradient.size();
-  const Eigen::SelfAdjointEigenSolver<MatX> eigen(sum.hessian);
-  const VecX& values = eigen.eigenvalues();  // ascending
+  const SymmetricEigen eigen = symmetric_eigen(sum.hessian);
+  const VecX& values = eigen.values;  // ascending
   ClusterCovariance result;
   result.clusters = static_cast<int>(clusters.size());
   result.condition = values[0] > 0 ? values[n - 1] / values[0] : kInfinity;
   result.without_data = null_count(values);
-  DirectionSplit directions{eigen.eigenvectors().rightCols(n - result.without_data),
-                            eigen.eigenvectors().leftCols(result.without_data)};
+  DirectionSplit directions{eigen.vectors.rightCols(n - result.without_data),
+                            eigen.vectors.leftCols(result.without_data)};
   if (alone.cols() > 0) directions.give_up(alone);
   const std::vector<VecX> shifts = leave_each_out(clusters, sum, directions);
   result.undetermined = directions.lost;
@@ -241,8 +234,8 @@ ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters, cons
   const auto count = double(clusters.size());
   spread *= (count - 1) / count;
   if (prior.gradient.size() > 0) {
-    const MatX inverse = (basis.transpose() * sum.hessian * basis).inverse();
-    const MatX own = inverse * (basis.transpose() * prior.gradient_covariance * basis) * inverse;
+    const MatX back = inverse(basis.transpose() * sum.hessian * basis);
+    const MatX own = back * (basis.transpose() * prior.gradient_covariance * basis) * back;
     result.of_prior = basis * own * basis.transpose();
     spread += own;
   }
@@ -368,7 +361,7 @@ class UncertaintyOfEstimate {
     const MatX kept = MatX::Identity(lost.rows(), lost.cols()) - lost;
     // With a stiffness of their own the undetermined directions stay apart.
     const MatX regular = kept * sum.hessian * kept + sum.hessian.diagonal().maxCoeff() * lost;
-    return -(regular.ldlt().solve(kept * sum.gradient));
+    return -solve_symmetric(regular, kept * sum.gradient);
   }
 
   void fill(const std::vector<Eigen::Index>& indices) {

@@ -2,13 +2,14 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <limits>
 #include <map>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/estimate/linearize_trial.h"
@@ -64,7 +65,7 @@ QuadraticFit fit_quadratic(const std::vector<double>& r, const std::vector<doubl
     design.row(i) << 1, t, t * t;
     values[i] = error[static_cast<std::size_t>(i)];
   }
-  const Vec3 c = design.colPivHouseholderQr().solve(values);
+  const Vec3 c = least_squares_solution(design, values);
   QuadraticFit fit;
   fit.coefficients = Vec3(c[0], c[1] / scale, c[2] / (scale * scale));
   fit.noise = std::sqrt((design * c - values).squaredNorm() / double(count - 3));

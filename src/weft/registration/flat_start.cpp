@@ -1,14 +1,13 @@
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 #include "weft/registration/nonrigid_icp.h"
@@ -43,16 +42,15 @@ Points lay_flat(const GridTemplate& grid, const std::vector<Vec3>& points, const
   for (const Vec3& p : points) mean += p / static_cast<double>(points.size());
   Mat3 scatter = Mat3::Zero();
   for (const Vec3& p : points) scatter += (p - mean) * (p - mean).transpose();
-  const Eigen::SelfAdjointEigenSolver<Mat3> solver(scatter);
-  const Vec3 normal = solver.eigenvectors().col(0);
+  const Mat3 axes = symmetric_eigen_3(scatter).vectors;
+  const Vec3 normal = axes.col(0);
   // The rectangle of least area about the points gives the sides; the directions, which is which.
-  Vec3 side = solver.eigenvectors().col(2), across = normal.cross(side), center = mean;
+  Vec3 side = axes.col(2), across = normal.cross(side), center = mean;
   double least = std::numeric_limits<double>::infinity();
   constexpr int turns = 45;
   for (int k = 0; k < turns; ++k) {
     const double angle = M_PI / 2 * k / turns;
-    const Vec3 a = std::cos(angle) * solver.eigenvectors().col(2) +
-                   std::sin(angle) * normal.cross(solver.eigenvectors().col(2));
+    const Vec3 a = std::cos(angle) * axes.col(2) + std::sin(angle) * normal.cross(axes.col(2));
     const Vec3 b = normal.cross(a);
     std::vector<double> along_a, along_b;
     for (const Vec3& p : points) {
@@ -220,13 +218,11 @@ Points flat_start(const GridTemplate& grid, const std::vector<Landmark>& landmar
     const Vec3 flat(landmark.uv.x(), landmark.uv.y(), 0);
     covariance += (landmark.position - mean) * (flat - mean_flat).transpose();
   }
-  const Eigen::JacobiSVD<Mat3> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  if (svd.singularValues()[1] <= 1e-6 * svd.singularValues()[0]) {
+  const SingularValues3 svd = singular_values_3(covariance);
+  if (svd.values[1] <= 1e-6 * svd.values[0]) {
     throw Error("the landmarks are on one line; they do not place a sheet");
   }
-  Mat3 sign = Mat3::Identity();
-  sign(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-  const Mat3 rotation = svd.matrixU() * sign * svd.matrixV().transpose();
+  const Mat3 rotation = nearest_rotation(svd);
   const Vec3 middle(grid.width / 2, grid.height / 2, 0);
   return place(grid, mean + rotation * (middle - mean_flat), rotation.col(0), rotation.col(1));
 }

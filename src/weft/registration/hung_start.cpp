@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/dynamics/clips.h"
@@ -35,9 +35,8 @@ std::vector<Points> turned(const std::vector<Points>& shapes, const Vec3& pivot,
     // Where the sheet lies now: the horizontal direction in which it spreads most.
     const Points d = x.colwise() - pivot;
     const Points flat = d - down * (down.transpose() * d);
-    const Eigen::SelfAdjointEigenSolver<Mat3> solver(flat * flat.transpose());
-    const Vec3 side = solver.eigenvectors().col(2);
-    const Mat3 turn = Eigen::Quaterniond::FromTwoVectors(side, along).toRotationMatrix();
+    const Vec3 side = symmetric_eigen_3(flat * flat.transpose()).vectors.col(2);
+    const Mat3 turn = turn_between(side, along);
     const Mat3 half = Eigen::AngleAxisd(M_PI, down).toRotationMatrix();
     result.push_back((turn * d).colwise() + pivot);
     result.push_back((half * turn * d).colwise() + pivot);
@@ -62,7 +61,7 @@ Vec3 spread_of(const Scan& scan, const ScanGeometry& geometry, const Vec3& down)
     d -= down.dot(d) * down;
     sum += d * d.transpose();
   }
-  return Eigen::SelfAdjointEigenSolver<Mat3>(sum).eigenvectors().col(2);
+  return symmetric_eigen_3(sum).vectors.col(2);
 }
 
 Scene hung_scene(const GridTemplate& grid, const std::vector<Landmark>& held,

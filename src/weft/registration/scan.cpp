@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/registration/point_tree.h"
@@ -133,11 +133,11 @@ ScanGeometry scan_geometry(const Scan& scan, int neighbours, int threads) {
         const Vec3 d = scan.position.col(other.index) - mean;
         scatter += d * d.transpose();
       }
-      const Eigen::SelfAdjointEigenSolver<Mat3> solver(scatter);
-      geometry.normal.col(i) = solver.eigenvectors().col(0);
+      const SymmetricEigen3 axes = symmetric_eigen_3(scatter);
+      geometry.normal.col(i) = axes.vectors.col(0);
       geometry.spacing[i] = std::sqrt(near.back().squared /
                                       static_cast<double>(std::max<std::size_t>(near.size(), 1)));
-      const Vec3 spread = solver.eigenvalues().cwiseMax(0).cwiseSqrt();
+      const Vec3 spread = axes.values.cwiseMax(0).cwiseSqrt();
       if (spread[0] > kLargestThickness * spread[1]) {
         geometry.on_surface[static_cast<std::size_t>(i)] = 0;
       }

@@ -2,10 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/dynamics/state.h"
 #include "weft/registration/stripe_surface.h"
@@ -49,8 +50,8 @@ SheetFrame sheet_frame(const Scene& scene) {
   material.colwise() -= frame.center;
   world.colwise() -= frame.origin;
 
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(material * material.transpose());
-  const Vec2& spread = axes.eigenvalues();
+  const SymmetricEigen axes = symmetric_eigen(material * material.transpose());
+  const Vec2 spread = axes.values;
   const double size =
       (scene.mesh.material.rowwise().maxCoeff() - scene.mesh.material.rowwise().minCoeff())
           .squaredNorm();
@@ -66,7 +67,7 @@ SheetFrame sheet_frame(const Scene& scene) {
     frame.along = any_perpendicular(down);
     return frame;
   }
-  frame.a = axes.eigenvectors().col(1);
+  frame.a = axes.vectors.col(1);
   if (frame.a.sum() < 0) frame.a = -frame.a;
   frame.b = Vec2(-frame.a.y(), frame.a.x());
   frame.along = world * material.transpose() * frame.a / spread(1);

@@ -1,6 +1,5 @@
 #include "weft/vision/silhouette.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
@@ -8,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 
 // Method.
@@ -82,7 +82,7 @@ Background fit_background(const cv::Mat& light, const cv::Mat& use) {
       normal += sample.terms * sample.terms.transpose();
       right += sample.value * sample.terms;
     }
-    coefficients = normal.ldlt().solve(right);
+    coefficients = solve_symmetric(normal, right);
   }
 
   Background background{cv::Mat(light.size(), CV_32F), spread};

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -11,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "weft/base/dense.h"
 #include "weft/base/error.h"
 
 namespace weft {
@@ -90,7 +90,7 @@ class Tracer {
       normal += w * row * row.transpose();
       right += w * row * points_[static_cast<std::size_t>(j)].transpose();
     }
-    return normal.ldlt().solve(right).row(0).transpose();
+    return solve_symmetric(normal, right).row(0).transpose();
   }
 
   bool inside(const Vec2& p) const {
