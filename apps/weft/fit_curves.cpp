@@ -46,7 +46,8 @@ void CurveFitArguments::add_to(CLI::App& command) {
       .add_option(
           "--order", order_,
           "mechanical captures: joint: all parameters to all captures at once; incremental: "
-          "stretch, shear, bend, diagonal bend, each from the captures that isolate it, and "
+          "rough bends, then stretch, shear, bend, diagonal bend, each from the captures that "
+          "isolate it, and "
           "once more")
       ->check(CLI::IsMember({"joint", "incremental"}))
       ->capture_default_str();
