@@ -18,7 +18,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <ctime>
-#include <limits>
 #include <numbers>
 #include <string>
 
@@ -32,7 +31,6 @@ namespace {
 
 using namespace weft;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kAlpha = 0.1;  // of the silhouette
 constexpr const char* kShown[] = {"stretch_stiffness", "shear_stiffness", "bend_stiffness"};
 

@@ -24,7 +24,7 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kReadTo = 1e-3;  // m, an overhang
 
-struct Arguments {
+struct CantileverArguments {
   std::string profile;
   double areal_density = 0;
   std::optional<double> overhang, pixel;
@@ -41,7 +41,8 @@ struct FabricWithBend {
   Fabric fabric;
   std::string name;  ///< of the bend
 };
-FabricWithBend with_bend(const Arguments& arguments, double rigidity, const std::string& how) {
+FabricWithBend with_bend(const CantileverArguments& arguments, double rigidity,
+                         const std::string& how) {
   Fabric fabric = find_fabric(arguments.fabric);
   const bool weft = arguments.direction == "weft";
   std::string name = weft ? "weft_bend" : "warp_bend";
@@ -57,7 +58,7 @@ FabricWithBend with_bend(const Arguments& arguments, double rigidity, const std:
 }
 
 /// What was asked for of the fabric: with the rigidity, and with a prior of it, which is returned.
-std::vector<ParameterPrior> write_fabrics(const Arguments& arguments, double rigidity) {
+std::vector<ParameterPrior> write_fabrics(const CantileverArguments& arguments, double rigidity) {
   if (arguments.fabric.empty()) return {};
   const auto [fabric, name] = with_bend(arguments, rigidity, "overhang");
   if (!arguments.out.empty()) write_fabric(arguments.out, fabric);
@@ -68,7 +69,8 @@ std::vector<ParameterPrior> write_fabrics(const Arguments& arguments, double rig
   return priors;
 }
 
-nlohmann::json from_overhang(const Arguments& arguments, std::vector<ParameterPrior>& priors) {
+nlohmann::json from_overhang(const CantileverArguments& arguments,
+                             std::vector<ParameterPrior>& priors) {
   const double weight = arguments.areal_density * kStandardGravity;
   const double overhang = *arguments.overhang, angle = arguments.angle * kDegree;
   const double rigidity = rigidity_of_overhang(weight, overhang, angle);
@@ -89,7 +91,7 @@ nlohmann::json from_overhang(const Arguments& arguments, std::vector<ParameterPr
 
 bool is_table(const std::filesystem::path& profile) { return profile.extension() == ".csv"; }
 
-MaterialPoints read_profile(const Arguments& arguments) {
+MaterialPoints read_profile(const CantileverArguments& arguments) {
   const std::filesystem::path path = arguments.profile;
   if (is_table(path)) {
     const TableFile table(path);
@@ -129,7 +131,8 @@ nlohmann::json to_json(const CantileverFit& fit) {
 }
 
 /// Of a profile that can be fitted: what is wrong then is the window.
-MomentCurvature curve_of(const Arguments& arguments, const MaterialPoints& profile, double weight) {
+MomentCurvature curve_of(const CantileverArguments& arguments, const MaterialPoints& profile,
+                         double weight) {
   try {
     return moment_curvature(profile, weight, arguments.window);
   } catch (const Error& error) {
@@ -137,7 +140,7 @@ MomentCurvature curve_of(const Arguments& arguments, const MaterialPoints& profi
   }
 }
 
-nlohmann::json from_points(const Arguments& arguments, const MaterialPoints& profile) {
+nlohmann::json from_points(const CantileverArguments& arguments, const MaterialPoints& profile) {
   const double weight = arguments.areal_density * kStandardGravity;
   const CantileverFit constant = fit_cantilever(profile, weight, BendTerms::constant);
   const CantileverFit friction = fit_cantilever(profile, weight, BendTerms::friction);
@@ -155,7 +158,7 @@ nlohmann::json from_points(const Arguments& arguments, const MaterialPoints& pro
           {"with_friction", to_json(friction)}};
 }
 
-nlohmann::json from_profile(const Arguments& arguments) {
+nlohmann::json from_profile(const CantileverArguments& arguments) {
   const MaterialPoints profile = read_profile(arguments);
   try {
     return from_points(arguments, profile);
@@ -194,7 +197,7 @@ void print_profile(const nlohmann::json& r) {
 }
 
 /// Options that would say nothing.
-void refuse_unused(const Arguments& arguments, const CLI::App& command) {
+void refuse_unused(const CantileverArguments& arguments, const CLI::App& command) {
   if (arguments.prior.empty() && arguments.deviation)
     throw Error("--deviation: means nothing without --prior");
   if (arguments.overhang) {
@@ -206,7 +209,7 @@ void refuse_unused(const Arguments& arguments, const CLI::App& command) {
   refuse_without(command, "--curve", {"--window"});
 }
 
-void run(const Arguments& arguments, const CLI::App& command) {
+void run_cantilever(const CantileverArguments& arguments, const CLI::App& command) {
   if (arguments.overhang.has_value() == !arguments.profile.empty())
     throw Error("give either a profile or --overhang");
   refuse_unused(arguments, command);
@@ -233,7 +236,7 @@ void add_cantilever(CLI::App& app) {
   auto* command =
       add_command(app, "cantilever",
                   "flexural rigidity from a cantilever test: an overhang, a profile, a photograph");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CantileverArguments>();
   command->add_option("profile", arguments->profile,
                       "CSV with columns x, y (m, from the clamp to the tip, y up), or a picture of "
                       "the strip's edge, bright before a dark ground");
@@ -281,7 +284,7 @@ void add_cantilever(CLI::App& app) {
       "--out mine.toml\n"
       "  weft cantilever --overhang 0.09 --areal-density 0.2 --fabric base.toml --prior "
       "known.toml");
-  command->callback([arguments, command] { run(*arguments, *command); });
+  command->callback([arguments, command] { run_cantilever(*arguments, *command); });
 }
 
 }  // namespace weft::app

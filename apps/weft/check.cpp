@@ -18,7 +18,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct CheckArguments {
   std::string capture;
 };
 
@@ -63,7 +63,7 @@ void warn_of_start(const Capture& capture, const Image& frame, const Mask& silho
   }
 }
 
-void run(const Arguments& arguments) {
+void run_check(const CheckArguments& arguments) {
   if (capture_kind(arguments.capture) == CaptureKind::mechanical) {
     check_mechanical(arguments.capture);
     return;
@@ -119,10 +119,10 @@ void run(const Arguments& arguments) {
 
 void add_check(CLI::App& app) {
   auto* command = add_command(app, "check", "read a capture folder and say what is in it");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CheckArguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->footer("Example:\n  weft check data/captures/cotton_waving_A");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_check(*arguments); });
 }
 
 }  // namespace weft::app

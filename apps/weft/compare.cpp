@@ -14,7 +14,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct CompareArguments {
   std::vector<std::string> captures;
   std::vector<std::string> fabrics;
   std::string keep;
@@ -31,7 +31,7 @@ struct Comparison {
   int selected = 0;
 };
 
-Comparison compare_fabrics(const Arguments& arguments, std::vector<Fabric> fabrics,
+Comparison compare_fabrics(const CompareArguments& arguments, std::vector<Fabric> fabrics,
                            const std::vector<Capture>& captures) {
   Comparison c;
   c.fabrics = std::move(fabrics);
@@ -58,7 +58,7 @@ void print_table(const Comparison& c) {
 }
 
 /// Error of each frame for each fabric, one picture a capture.
-void write_plots(const Arguments& arguments, const Comparison& c) {
+void write_plots(const CompareArguments& arguments, const Comparison& c) {
   for (const auto& trial : c.trials) {
     LinePlot plot;
     plot.title = fmt::format("Error per frame of {}", trial->capture.name);
@@ -82,7 +82,7 @@ void write_plots(const Arguments& arguments, const Comparison& c) {
   }
 }
 
-void run(const Arguments& arguments) {
+void run_compare(const CompareArguments& arguments) {
   const InterruptGuard guard;
   std::vector<Fabric> fabrics;
   for (const std::string& name : arguments.fabrics) fabrics.push_back(find_fabric(name));
@@ -108,7 +108,7 @@ void run(const Arguments& arguments) {
 void add_compare(CLI::App& app) {
   auto* command = add_command(
       app, "compare", "fabrics side by side on some captures; keeps the one with the smallest sum");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CompareArguments>();
   command->add_option("captures", arguments->captures, "capture folders, such as two trials")
       ->required();
   command
@@ -124,7 +124,7 @@ void add_compare(CLI::App& app) {
   command->footer(
       "Example:\n  weft compare trial1 trial2 --fabrics fit1/fabric.toml fit2/fabric.toml --keep "
       "kept.toml");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_compare(*arguments); });
 }
 
 }  // namespace weft::app

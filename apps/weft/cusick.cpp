@@ -21,7 +21,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct CusickArguments {
   std::string fabric, shadow, out, prior;
   std::optional<double> areal_density, pixel, fit, fit_deviation;
   int starts = 6, threads = 0;
@@ -35,7 +35,7 @@ nlohmann::json to_json(const DrapeShadow& shadow) {
 }
 
 /// Cloth where the picture differs from its corner by half of its range.
-nlohmann::json measured(const Arguments& arguments) {
+nlohmann::json measured(const CusickArguments& arguments) {
   if (!arguments.pixel) throw Error("--pixel: needed with --shadow, m");
   const Image grey = read_grey_image(arguments.shadow);
   const float ground = grey(0, 0), contrast = (grey - ground).abs().maxCoeff();
@@ -44,7 +44,7 @@ nlohmann::json measured(const Arguments& arguments) {
   return to_json(shadow_of(mask, *arguments.pixel, arguments.options.test));
 }
 
-double density_of(const Arguments& arguments, const Fabric& fabric) {
+double density_of(const CusickArguments& arguments, const Fabric& fabric) {
   const std::optional<double> density =
       arguments.areal_density ? arguments.areal_density : fabric.areal_density;
   if (!density) throw Error("--areal-density: needed, the fabric has none");
@@ -62,7 +62,7 @@ nlohmann::json to_json(const DrapeStatistics& drapes) {
           {"not_converged", drapes.not_converged}};
 }
 
-nlohmann::json simulated(const Arguments& arguments) {
+nlohmann::json simulated(const CusickArguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   const auto shapes = sample_drapes(fabric, density_of(arguments, fabric), arguments.starts,
                                     arguments.options, arguments.threads);
@@ -89,7 +89,7 @@ Error out_of_reach(double measured, const DrapeFit& fit) {
 }
 
 /// The fabric whose drapes have the measured coefficient.
-nlohmann::json fitted(const Arguments& arguments, std::vector<ParameterPrior>& priors) {
+nlohmann::json fitted(const CusickArguments& arguments, std::vector<ParameterPrior>& priors) {
   const Fabric start = find_fabric(arguments.fabric);
   DrapeFitOptions options;
   options.drape = arguments.options;
@@ -145,7 +145,7 @@ void print(const nlohmann::json& result) {
                drape["converged"].get<bool>() ? "" : ", no equilibrium");
 }
 
-void check_fit(const Arguments& arguments) {
+void check_fit(const CusickArguments& arguments) {
   if (!arguments.fit) {
     if (arguments.fit_deviation) throw Error("--fit-deviation: means nothing without --fit");
     if (!arguments.prior.empty()) throw Error("--prior: means nothing without --fit");
@@ -157,7 +157,7 @@ void check_fit(const Arguments& arguments) {
     throw Error("--out: must end in .toml with --fit, which writes a fabric");
 }
 
-void run(const Arguments& arguments) {
+void run_cusick(const CusickArguments& arguments) {
   if (arguments.fabric.empty() == arguments.shadow.empty())
     throw Error("give either a fabric or --shadow");
   if (!arguments.out.empty()) {
@@ -187,7 +187,7 @@ void add_cusick(CLI::App& app) {
       app, "cusick",
       "drape coefficient and lobes: of a fabric, simulated, or of a shadow's picture; or the bend "
       "of a fabric from its coefficient");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CusickArguments>();
   DrapeOptions& options = arguments->options;
   command->add_option("fabric", arguments->fabric, "file or preset, of any model but springs");
   command
@@ -243,7 +243,7 @@ void add_cusick(CLI::App& app) {
       "  weft cusick --shadow drape.png --pixel 0.00138\n"
       "  weft cusick base.toml --areal-density 0.15 --fit 0.62 --fit-deviation 0.02 --out "
       "mine.toml");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_cusick(*arguments); });
 }
 
 }  // namespace weft::app

@@ -17,7 +17,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct EvaluateArguments {
   std::string capture;
   std::string fabric;
   std::string strip;
@@ -71,7 +71,7 @@ void print_part(const char* name, const CaptureEvaluation::Part& part) {
   fmt::print("\n");
 }
 
-void run_mechanical(const Arguments& arguments) {
+void run_mechanical(const EvaluateArguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   const auto trial = prepare_mechanical(read_mechanical_capture(arguments.capture),
                                         arguments.mechanical.options());
@@ -91,7 +91,7 @@ void run_mechanical(const Arguments& arguments) {
     fmt::print("{}\n{}", summary(evaluation), complaints(evaluation));
 }
 
-void run(const Arguments& arguments) {
+void run_evaluate(const EvaluateArguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   const Capture capture = read_capture(arguments.capture);
   const auto trial = arguments.trial.prepare(capture, capture.fit_first, capture.frame_count - 1);
@@ -113,7 +113,7 @@ void add_evaluate(CLI::App& app) {
                               "how well a fabric explains a capture: fit frames and later "
                               "ones of a video apart; forces and "
                               "shapes of a mechanical test or a scan");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<EvaluateArguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
   command->add_option("--strip", arguments->strip,
@@ -142,7 +142,7 @@ void add_evaluate(CLI::App& app) {
       run_mechanical(*arguments);
     } else {
       refuse_options(*command, MechanicalArguments::names(), "a video");
-      run(*arguments);
+      run_evaluate(*arguments);
     }
   });
 }

@@ -12,7 +12,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct FabricsArguments {
   std::string name;
   std::vector<std::string> scale;
   std::string out;
@@ -72,7 +72,7 @@ nlohmann::json to_json(const Fabric& fabric) {
           {"parameters", values}};
 }
 
-void run(const Arguments& arguments) {
+void run_fabrics(const FabricsArguments& arguments) {
   if (arguments.name.empty() && (!arguments.scale.empty() || !arguments.out.empty())) {
     throw Error(fmt::format("{} needs the name of a fabric",
                             arguments.scale.empty() ? "--out" : "--scale"));
@@ -119,7 +119,7 @@ void run(const Arguments& arguments) {
 
 void add_fabrics(CLI::App& app) {
   auto* command = add_command(app, "fabrics", "list the built-in fabrics and the parameters");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<FabricsArguments>();
   command->add_option("name", arguments->name, "one fabric: a preset or a file");
   command->add_option("--scale", arguments->scale, "multiply values: NAME=FACTOR ...");
   command->add_option("--out", arguments->out, "write the fabric to this file");
@@ -127,7 +127,7 @@ void add_fabrics(CLI::App& app) {
   command->footer(
       "Examples:\n  weft fabrics satin\n  weft fabrics satin --scale bend_stiffness=3 --out "
       "stiffer.toml");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_fabrics(*arguments); });
 }
 
 }  // namespace weft::app

@@ -39,7 +39,7 @@ namespace {
 constexpr double kLargestVariability = 100;  // %: beyond, the data do not determine the parameter
 const std::string kStoreName = "evaluations.sqlite";
 
-struct Arguments {
+struct FitArguments {
   std::vector<std::string> captures;
   std::vector<std::string> videos, tests;  ///< of them, by kind
   std::string out;
@@ -68,12 +68,12 @@ struct Arguments {
   ScanFitArguments scan_fit;  // what only scans have
 };
 
-MeshError mesh_error_of(const Arguments& arguments) {
+MeshError mesh_error_of(const FitArguments& arguments) {
   return arguments.no_mesh_error ? MeshError::left_out : MeshError::included;
 }
 
 /// What both methods share, over the defaults of each.
-FitOptions fit_options(const Arguments& arguments, FitOptions options) {
+FitOptions fit_options(const FitArguments& arguments, FitOptions options) {
   options.coarse_parameters = arguments.coarse;
   options.coarse_levels = arguments.coarse_levels;
   options.coarse_frames = arguments.coarse_frames;
@@ -90,7 +90,7 @@ FitOptions fit_options(const Arguments& arguments, FitOptions options) {
   return options;
 }
 
-AutoFitOptions auto_options(const Arguments& arguments) {
+AutoFitOptions auto_options(const FitArguments& arguments) {
   AutoFitOptions options;
   options.annealing = fit_options(arguments, options.annealing);
   options.least_squares.start = options.annealing.start;
@@ -152,7 +152,7 @@ void add_variability(const Problem& problem, const FitResult& fit,
 }
 
 /// The fabric that holds the values which are not searched.
-Fabric initial_fabric(const Arguments& arguments, const Capture& first) {
+Fabric initial_fabric(const FitArguments& arguments, const Capture& first) {
   Fabric fabric = !arguments.initial.empty() ? find_fabric(arguments.initial)
                   : arguments.model.empty()  ? Fabric::with_defaults(first.name)
                                              : Fabric::with_defaults(first.name, arguments.model);
@@ -190,7 +190,7 @@ class PhaseProgress {
   Clock::time_point phase_begin_ = Clock::now();
 };
 
-std::vector<std::pair<std::string, ReportValue>> settings(const Arguments& arguments,
+std::vector<std::pair<std::string, ReportValue>> settings(const FitArguments& arguments,
                                                           const TrialOptions& trial) {
   const SimulationOptions& simulation = trial.simulation;
   const FitOptions annealing =
@@ -264,7 +264,7 @@ EvaluationStore open_store(const std::filesystem::path& out, const Problem& prob
   return store;
 }
 
-MechanicalFitArguments tests_of(const Arguments& arguments) {
+MechanicalFitArguments tests_of(const FitArguments& arguments) {
   MechanicalFitArguments tests = arguments.mechanical_fit;
   tests.captures = arguments.tests;
   tests.out = arguments.out;
@@ -320,7 +320,7 @@ void check_coarse(const std::vector<std::string>& coarse, const std::vector<std:
           fmt::format("--coarse: {} is not searched; these are: {}", name, fmt::join(free, ", ")));
 }
 
-void run(const Arguments& arguments) {
+void run_fit(const FitArguments& arguments) {
   const InterruptGuard guard;
   const std::filesystem::path out = arguments.out;
   const std::vector<Capture> captures = read_captures(arguments.videos);
@@ -414,7 +414,7 @@ const std::vector<std::string> kVideoFitOptions{
     "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",
     "--iterations", "--simplex", "--no-variability", "--variability-curves"};
 
-void run_mechanical(const Arguments& arguments, const CLI::App& command) {
+void run_mechanical(const FitArguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
   refuse_options(command, video_option_names(), "mechanical captures");
   MechanicalFitArguments fit = tests_of(arguments);
@@ -431,7 +431,7 @@ void run_mechanical(const Arguments& arguments, const CLI::App& command) {
   run_mechanical_fit(fit);
 }
 
-void run_scan(const Arguments& arguments, const CLI::App& command) {
+void run_scan(const FitArguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "scans");
   refuse_options(command, video_option_names(), "scans");
   refuse_options(command, cost_option_names(), "scans");
@@ -457,7 +457,7 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
   run_scan_fit(fit);
 }
 
-void run_by_kind(Arguments& arguments, const CLI::App& command) {
+void run_by_kind(FitArguments& arguments, const CLI::App& command) {
   refuse_twice(arguments.captures);
   std::size_t scans = 0;
   for (const std::string& folder : arguments.captures) {
@@ -489,7 +489,7 @@ void run_by_kind(Arguments& arguments, const CLI::App& command) {
       throw Error("--method: annealing takes no mechanical captures; use auto");
   }
   if (arguments.coarse == std::vector<std::string>{"none"}) arguments.coarse.clear();
-  run(arguments);
+  run_fit(arguments);
 }
 
 }  // namespace
@@ -497,7 +497,7 @@ void run_by_kind(Arguments& arguments, const CLI::App& command) {
 void add_fit(CLI::App& app) {
   auto* command =
       add_command(app, "fit", "the fabric that explains one or more captures, with a report");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<FitArguments>();
   command
       ->add_option("captures", arguments->captures,
                    "capture folders of one fabric: videos, mechanical "

@@ -23,7 +23,7 @@ namespace {
 /// Where nothing is known: the middle of what cloth is.
 constexpr OrthotropicModuli kUsualCloth{200, 200, 40, 0.3, 5e-6};
 
-const std::string kStoreName = "scan_evaluations.sqlite";
+const std::string kScanStoreName = "scan_evaluations.sqlite";
 
 Fabric usual_fabric(const std::string& model) {
   if (model.empty() || model == "stvk") return orthotropic_fabric("", stiffness_of(kUsualCloth));
@@ -257,9 +257,9 @@ void run_scan_fit(const ScanFitArguments& arguments) {
       trials, arguments.solver, initial,
       arguments.parameters.empty() ? default_scan_parameters(initial) : arguments.parameters, cost,
       arguments.threads);
-  prepare_fit_folder(out, {kStoreName},
+  prepare_fit_folder(out, {kScanStoreName},
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
-  problem.keep_in(std::make_shared<NumberStore>(out / kStoreName, problem.fingerprint()));
+  problem.keep_in(std::make_shared<NumberStore>(out / kScanStoreName, problem.fingerprint()));
   Progress progress("least squares", 0);
   const ScanFitResult fit = fit_scan(problem, initial, options, [&](const ScanFitStep& step) {
     progress.update(step.evaluation,

@@ -14,7 +14,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct LandscapeArguments {
   std::string capture;
   std::string fabric;
   std::string out = "landscape.svg";
@@ -48,7 +48,7 @@ ReportSurface to_report(const Landscape& landscape, const Fabric& fabric,
   return surface;
 }
 
-void run(Arguments arguments) {
+void run_landscape(LandscapeArguments arguments) {
   const InterruptGuard guard;
   const Fabric fabric = find_fabric(arguments.fabric);
   require_motion_model(fabric);
@@ -78,7 +78,7 @@ void run(Arguments arguments) {
 
 void add_landscape(CLI::App& app) {
   auto* command = add_command(app, "landscape", "the error over two parameters, as a picture");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<LandscapeArguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "the other parameters: preset or fabric.toml")
       ->required();
@@ -99,7 +99,7 @@ void add_landscape(CLI::App& app) {
   command->footer(
       "Example:\n  weft landscape data/captures/cotton_waving_A --fabric out/fabric.toml --out "
       "landscape.svg");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_landscape(*arguments); });
 }
 
 }  // namespace weft::app

@@ -14,7 +14,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct MatrixArguments {
   std::vector<std::string> captures;
   std::vector<std::string> fabrics;
   std::string out = "matrix";
@@ -46,7 +46,7 @@ void print_table(const CrossEvaluation& cross, const std::vector<Fabric>& fabric
   }
 }
 
-void run(const Arguments& arguments) {
+void run_matrix(const MatrixArguments& arguments) {
   const InterruptGuard guard;
   std::vector<Fabric> fabrics;
   for (const std::string& name : arguments.fabrics) fabrics.push_back(find_fabric(name));
@@ -71,7 +71,7 @@ void run(const Arguments& arguments) {
 
 void add_matrix(CLI::App& app) {
   auto* command = add_command(app, "matrix", "every fabric against every capture");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<MatrixArguments>();
   command->add_option("captures", arguments->captures, "capture folders")->required();
   command->add_option("--fabrics", arguments->fabrics, "presets or fabric.toml files")->required();
   command
@@ -82,7 +82,7 @@ void add_matrix(CLI::App& app) {
   command->footer(
       "Example:\n  weft matrix data/captures/cotton_waving_A --fabrics satin linen "
       "out/fabric.toml");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_matrix(*arguments); });
 }
 
 }  // namespace weft::app

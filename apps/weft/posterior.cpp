@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -23,11 +22,10 @@
 namespace weft::app {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kProbabilities[] = {0.05, 0.25, 0.5, 0.75, 0.95};
 constexpr std::size_t kMostRows = 20000;  // of posterior.csv
 
-struct Arguments {
+struct PosteriorArguments {
   std::string fit;
   std::string out;
   SamplingOptions sampling;
@@ -126,7 +124,7 @@ void write_samples(const std::filesystem::path& path, const EstimateOfFit& e, co
 }
 
 nlohmann::ordered_json json_of(const EstimateOfFit& e, const SamplingResult& found,
-                               const Arguments& arguments) {
+                               const PosteriorArguments& arguments) {
   nlohmann::ordered_json parameters;
   for (std::size_t i = 0; i < e.unknowns.size(); ++i) {
     const std::vector<double> values = values_of(e, found.samples, i);
@@ -163,7 +161,7 @@ void write_picture(const std::filesystem::path& path, const EstimateOfFit& e, co
 /// Minus its logarithm, 0 at the estimate.
 std::function<double(const VecX&)> likelihood_of(const EstimateOfFit& e,
                                                  const std::filesystem::path& folder,
-                                                 const Arguments& arguments,
+                                                 const PosteriorArguments& arguments,
                                                  const LikelihoodSurrogate& surrogate) {
   if (!arguments.true_cost) return [&](const VecX& x) { return surrogate.cost(x); };
   if (!e.at_rest.is_null()) return simulated_at_rest(e, folder, arguments.trial.threads());
@@ -182,7 +180,7 @@ std::string in_words(const EstimateOfFit& e, const LikelihoodSurrogate& surrogat
   return "surrogate: the quadratic of the Fisher information, " + correction;
 }
 
-void run(const Arguments& arguments) {
+void run_posterior(const PosteriorArguments& arguments) {
   const InterruptGuard guard;
   const std::filesystem::path folder = arguments.fit;
   const EstimateOfFit e = read_estimate_of_fit(folder);
@@ -224,7 +222,7 @@ void run(const Arguments& arguments) {
 void add_posterior(CLI::App& app) {
   auto* command =
       add_command(app, "posterior", "the distribution of the parameters after a fit, by sampling");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<PosteriorArguments>();
   command->add_option("fit", arguments->fit, "folder of a fit")->required();
   command->add_option(
       "--out", arguments->out,
@@ -245,7 +243,7 @@ void add_posterior(CLI::App& app) {
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
   command->footer("Example:\n  weft posterior out/cotton --steps 5000");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_posterior(*arguments); });
 }
 
 }  // namespace weft::app

@@ -18,7 +18,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct ProfileArguments {
   std::vector<std::string> captures;
   std::string fabric;
   std::string out = "profile";
@@ -30,8 +30,6 @@ struct Arguments {
   ScanArguments scan;
   ScanFitArguments scans;  ///< how their residuals are balanced
 };
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 /// A rise of the cost that the noise of the clusters does not make.
 constexpr double kBetterBy = -0.5;
@@ -162,7 +160,7 @@ std::vector<std::string> names_of(CaptureKind kind, const Fabric& fabric) {
   return fabric.value_names();
 }
 
-void check_names(const Arguments& arguments, CaptureKind kind, const Fabric& fabric) {
+void check_names(const ProfileArguments& arguments, CaptureKind kind, const Fabric& fabric) {
   if (kind == CaptureKind::video)
     check_parameters("--parameters", fabric.model, arguments.parameters);
   const std::vector<std::string> known = names_of(kind, fabric);
@@ -172,7 +170,7 @@ void check_names(const Arguments& arguments, CaptureKind kind, const Fabric& fab
                               fmt::join(known, ", ")));
 }
 
-Profiled profiled(const Arguments& arguments, CaptureKind kind, const Fabric& fabric,
+Profiled profiled(const ProfileArguments& arguments, CaptureKind kind, const Fabric& fabric,
                   const CLI::App& command) {
   const int threads = arguments.trial.threads();
   if (kind == CaptureKind::mechanical) {
@@ -193,7 +191,7 @@ Profiled profiled(const Arguments& arguments, CaptureKind kind, const Fabric& fa
   return profiled_videos(arguments.captures, fabric, arguments.trial);
 }
 
-void run(const Arguments& arguments, const CLI::App& command) {
+void run_profile(const ProfileArguments& arguments, const CLI::App& command) {
   const InterruptGuard guard;
   const CaptureKind kind = kind_of(arguments.captures);
   check_options(command, kind);
@@ -228,7 +226,7 @@ void add_profile(CLI::App& app) {
       "intervals by how the cost rises when a parameter is held and all others follow: wider or "
       "narrower than those of a fit on a side where the cost is no parabola; of the data alone, "
       "without priors");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ProfileArguments>();
   command
       ->add_option("captures", arguments->captures,
                    "capture folders, all of one kind: videos, mechanical captures, or scans")
@@ -249,7 +247,7 @@ void add_profile(CLI::App& app) {
       "Examples:\n  weft profile data/captures/cotton_waving_A --fabric out/fabric.toml "
       "--parameters shear_stiffness --out out/profile\n"
       "  weft profile stretch_weft shear --fabric out/denim/fabric.toml --out out/profile");
-  command->callback([arguments, command] { run(*arguments, *command); });
+  command->callback([arguments, command] { run_profile(*arguments, *command); });
 }
 
 }  // namespace weft::app

@@ -27,7 +27,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct RegisterArguments {
   std::string scan;
   std::string swatch;
   std::string out;
@@ -54,7 +54,7 @@ Vec3 direction(const std::string& option, const std::string& text) {
   return v.normalized();
 }
 
-GridTemplate read_template(const Arguments& arguments) {
+GridTemplate read_template(const RegisterArguments& arguments) {
   const auto sides = numbers_in("--swatch", arguments.swatch, 'x', 2);
   if (!(sides[0] >= 0.001 && sides[0] <= 10 && sides[1] >= 0.001 && sides[1] <= 10)) {
     throw Error(fmt::format("--swatch {}: sides must be 0.001 to 10 m", arguments.swatch));
@@ -74,8 +74,9 @@ Points read_start(const std::string& path, const GridTemplate& grid) {
 }
 
 /// Flat, and turned as the axes say.
-std::vector<RegistrationStart> starts_by_axes(const Arguments& arguments, const GridTemplate& grid,
-                                              const Scan& scan, const ScanGeometry& geometry) {
+std::vector<RegistrationStart> starts_by_axes(const RegisterArguments& arguments,
+                                              const GridTemplate& grid, const Scan& scan,
+                                              const ScanGeometry& geometry) {
   constexpr double least_sine = 0.1;  // 6 degrees
   const Vec3 u = direction("--u-axis", arguments.u_axis);
   const Vec3 v = direction("--v-axis", arguments.v_axis);
@@ -85,8 +86,9 @@ std::vector<RegistrationStart> starts_by_axes(const Arguments& arguments, const 
   return flat_starts(grid, scan, geometry, u, v);
 }
 
-std::vector<RegistrationStart> first_starts(const Arguments& arguments, const GridTemplate& grid,
-                                            const Scan& scan, const ScanGeometry& geometry,
+std::vector<RegistrationStart> first_starts(const RegisterArguments& arguments,
+                                            const GridTemplate& grid, const Scan& scan,
+                                            const ScanGeometry& geometry,
                                             const std::vector<Landmark>& landmarks,
                                             const std::vector<Landmark>& held) {
   if (!arguments.start.empty()) return {{read_start(arguments.start, grid), {}}};
@@ -106,7 +108,7 @@ std::vector<RegistrationStart> first_starts(const Arguments& arguments, const Gr
 }
 
 /// Registers again, twice, with the crossings of the stamped grid; says in `landmarks` how many.
-ScanRegistration follow_stamp(const Arguments& arguments, const GridTemplate& grid,
+ScanRegistration follow_stamp(const RegisterArguments& arguments, const GridTemplate& grid,
                               const Scan& scan, const ScanGeometry& geometry,
                               ScanRegistration registration, std::size_t& landmarks) {
   constexpr double texels = 20;  // a pitch
@@ -140,7 +142,8 @@ Pinhole read_camera(const std::string& path, const Points& in_front) {
 /// Keeps the grid of a sequence on what the first frame has printed.
 class Print {
  public:
-  Print(const Arguments& arguments, const GridTemplate& grid, const std::vector<Scan>& scans)
+  Print(const RegisterArguments& arguments, const GridTemplate& grid,
+        const std::vector<Scan>& scans)
       : grid_(grid), texel_(std::sqrt(grid.width * grid.height) / texels) {
     if (arguments.pictures.empty() != arguments.camera.empty()) {
       throw Error("--pictures and --camera belong together");
@@ -269,7 +272,7 @@ void print_line(const nlohmann::json& s) {
 }
 
 /// Of a sequence the scan `k`. Landmarks are on the first.
-ScanSource source_of(const Arguments& arguments, std::size_t scans, std::size_t k) {
+ScanSource source_of(const RegisterArguments& arguments, std::size_t scans, std::size_t k) {
   ScanSource source{arguments.scan, "--unit", k == 0 ? arguments.landmarks : std::string()};
   if (scans > 1) source.scan += fmt::format(": frame {}", k);
   return source;
@@ -281,14 +284,14 @@ void print_doubts(int frame, const ScanRegistration& registration) {
 }
 
 /// What asks for a sequence, given one scan.
-void refuse_for_one(const Arguments& arguments) {
+void refuse_for_one(const RegisterArguments& arguments) {
   const bool pictures = !arguments.pictures.empty() && !arguments.camera.empty();
   if (!arguments.print && !pictures) return;
   throw Error(fmt::format("{}: only with a sequence; {} is one scan",
                           arguments.print ? "--print" : "--pictures", arguments.scan));
 }
 
-void run(const Arguments& arguments) {
+void run_register(const RegisterArguments& arguments) {
   const std::filesystem::path out = arguments.out;
   const GridTemplate grid = read_template(arguments);
   std::vector<Landmark> landmarks;
@@ -373,7 +376,7 @@ void run(const Arguments& arguments) {
 void add_register(CLI::App& app) {
   auto* command = add_command(
       app, "register", "a regular grid laid on a 3D scan of a swatch, or on each of a sequence");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<RegisterArguments>();
   command
       ->add_option("scan", arguments->scan,
                    "mesh or points: .ply, .obj, .xyz, .txt, .pts or .csv; for a sequence a folder "
@@ -453,7 +456,7 @@ void add_register(CLI::App& app) {
     refuse_without(*command, "--stamp", {"--stamp-origin"});
     refuse_beside(*command, "--start", {"--gravity", "--u-axis", "--v-axis"});
     arguments->axes_given = command->count("--u-axis") + command->count("--v-axis") > 0;
-    run(*arguments);
+    run_register(*arguments);
   });
 }
 

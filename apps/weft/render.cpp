@@ -16,7 +16,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct RenderArguments {
   std::string capture;
   std::string fabric;
   std::string points;
@@ -32,7 +32,7 @@ struct Motion3d {
   std::vector<Points> frames;
 };
 
-Motion3d read_motion(const Arguments& arguments) {
+Motion3d read_motion(const RenderArguments& arguments) {
   Motion3d motion{read_material_surface(arguments.mesh).mesh, read_pc2(arguments.points).frames};
   if (motion.frames.front().cols() != motion.mesh.vertex_count()) {
     throw Error(fmt::format("{}: has {} points, {} has {} vertices", arguments.points,
@@ -42,7 +42,7 @@ Motion3d read_motion(const Arguments& arguments) {
   return motion;
 }
 
-Motion3d simulate_motion(const Arguments& arguments, const Capture& capture) {
+Motion3d simulate_motion(const RenderArguments& arguments, const Capture& capture) {
   const Fabric fabric = find_fabric(arguments.fabric);
   require_motion_model(fabric);
   const auto trial = arguments.trial.prepare(capture, TrialArguments::Frames::from_fit_to_end);
@@ -51,7 +51,7 @@ Motion3d simulate_motion(const Arguments& arguments, const Capture& capture) {
   return {trial->scene.mesh, std::move(trajectory.frames)};
 }
 
-void run(const Arguments& arguments) {
+void run_render(const RenderArguments& arguments) {
   const InterruptGuard guard;
   if (arguments.fabric.empty() == arguments.points.empty()) {
     throw Error("give either --fabric, to simulate, or --points with --mesh");
@@ -82,7 +82,7 @@ void run(const Arguments& arguments) {
 void add_render(CLI::App& app) {
   auto* command =
       add_command(app, "render", "what the capture's camera sees of a simulated or given motion");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<RenderArguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "simulate this fabric: preset or fabric.toml");
   auto* points = command->add_option("--points", arguments->points, "render this motion (PC2)");
@@ -95,7 +95,7 @@ void add_render(CLI::App& app) {
   arguments->trial.add_to(*command);
   command->footer(
       "Example:\n  weft render data/captures/cotton_waving_A --fabric satin --out out/frames");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_render(*arguments); });
 }
 
 }  // namespace weft::app

@@ -13,7 +13,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct SimulateArguments {
   std::string capture;
   std::string fabric;
   std::string out;
@@ -49,7 +49,7 @@ std::string reaction_csv(const Scene& scene, const Trajectory& trajectory) {
   return text;
 }
 
-void run(const Arguments& arguments) {
+void run_simulate(const SimulateArguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   require_motion_model(fabric);
   const Capture capture = read_capture(arguments.capture);
@@ -74,7 +74,7 @@ void run(const Arguments& arguments) {
 
 void add_simulate(CLI::App& app) {
   auto* command = add_command(app, "simulate", "the motion of a fabric in a capture's experiment");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SimulateArguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
   command
@@ -85,7 +85,7 @@ void add_simulate(CLI::App& app) {
   arguments->trial.add_to(*command);
   command->footer(
       "Example:\n  weft simulate data/captures/cotton_waving_A --fabric satin --out out/satin");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_simulate(*arguments); });
 }
 
 }  // namespace weft::app

@@ -23,7 +23,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct SuggestArguments {
   std::string known;
   std::string like;
   std::string candidates;
@@ -124,14 +124,14 @@ void check_option(const std::string& option, const Check& check) {
   }
 }
 
-void check_options(const Arguments& arguments, const Fabric& fabric) {
+void check_options(const SuggestArguments& arguments, const Fabric& fabric) {
   for (const std::string& name : arguments.parameters)
     check_option("--parameters", [&] { fabric.value_index(name); });
   if (!arguments.video_option.empty())
     check_option(arguments.video_option, [&] { require_motion_model(fabric); });
 }
 
-Capture rig_of(const Arguments& arguments, const Fabric& fabric) {
+Capture rig_of(const SuggestArguments& arguments, const Fabric& fabric) {
   if (!arguments.like.empty()) return read_capture(arguments.like);
   LayoutOptions layout;
   layout.areal_density = fabric.areal_density.value_or(arguments.areal_density);
@@ -178,7 +178,8 @@ Json values_of(const CandidateCapture& capture) {
           {"point_noise", capture.point_noise}};
 }
 
-nlohmann::json json_of(const std::vector<Suggestion>& suggestions, const Arguments& arguments) {
+nlohmann::json json_of(const std::vector<Suggestion>& suggestions,
+                       const SuggestArguments& arguments) {
   Json list = Json::array();
   for (std::size_t k = 0; k < suggestions.size(); ++k) {
     const Suggestion& s = suggestions[k];
@@ -204,12 +205,12 @@ nlohmann::json json_of(const std::vector<Suggestion>& suggestions, const Argumen
           {"experiments", list}};
 }
 
-bool is_target(const Arguments& arguments, const std::string& name) {
+bool is_target(const SuggestArguments& arguments, const std::string& name) {
   const auto& names = arguments.parameters;
   return names.empty() || std::find(names.begin(), names.end(), name) != names.end();
 }
 
-void print_table(const std::vector<Suggestion>& suggestions, const Arguments& arguments) {
+void print_table(const std::vector<Suggestion>& suggestions, const SuggestArguments& arguments) {
   fmt::print(
       "Width of the 90 % intervals that is left: of all named (geometric mean), and of each, with\n"
       "the half width expected after the experiment in the scale of the search (1: the range)\n\n");
@@ -239,7 +240,7 @@ BarChart chart_of(const std::vector<Suggestion>& suggestions) {
   return chart;
 }
 
-void run(Arguments& arguments) {
+void run_suggest(SuggestArguments& arguments) {
   const InterruptGuard guard;
   const Known known = read_known(arguments.known);
   check_options(arguments, known.fabric);
@@ -279,7 +280,7 @@ void add_suggest(CLI::App& app) {
   auto* command = add_command(
       app, "suggest",
       "which experiment next: ranked by how much it is expected to shrink the intervals");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SuggestArguments>();
   arguments->family.axes.clear();
   command
       ->add_option("known", arguments->known,
@@ -351,7 +352,7 @@ void add_suggest(CLI::App& app) {
         throw Error(fmt::format("{}: not with --candidates", name));
       arguments->video_option = name;
     }
-    run(*arguments);
+    run_suggest(*arguments);
   });
 }
 

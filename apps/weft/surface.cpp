@@ -16,7 +16,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct SurfaceArguments {
   std::string capture;
   std::string out = "surface.obj";
   int frame = 0;
@@ -38,7 +38,7 @@ void write_mesh(const std::filesystem::path& path, const TriangleMesh& mesh, con
   }
 }
 
-void run(const Arguments& arguments) {
+void run_surface(const SurfaceArguments& arguments) {
   const Capture capture = read_capture(arguments.capture);
   if (arguments.frame < 0 || arguments.frame >= capture.frame_count) {
     throw Error(fmt::format("--frame {}: the capture has frames 0 to {}", arguments.frame,
@@ -98,7 +98,7 @@ void run(const Arguments& arguments) {
 void add_surface(CLI::App& app) {
   auto* command =
       add_command(app, "surface", "the surface of one frame from its stripes, as a mesh");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SurfaceArguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--frame", arguments->frame, "frame of the video, from 0")
       ->capture_default_str();
@@ -110,7 +110,7 @@ void add_surface(CLI::App& app) {
   command->add_flag("--json", arguments->json, "print JSON");
   command->footer(
       "Example:\n  weft surface data/captures/cotton_waving_A --frame 0 --out frame0.obj");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_surface(*arguments); });
 }
 
 }  // namespace weft::app

@@ -14,7 +14,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct SynthesizeArguments {
   std::string fabric;
   std::string out;
   std::string layout;
@@ -30,14 +30,14 @@ const std::vector<std::string> kVideoOptions{"--like", "--frames", "--grid", "--
                                              "--start-shape"};
 
 /// The fabric, with the areal density of the command where it is given or the fabric has none.
-Fabric fabric_with_density(const Arguments& arguments, const CLI::App& command) {
+Fabric fabric_with_density(const SynthesizeArguments& arguments, const CLI::App& command) {
   Fabric fabric = find_fabric(arguments.fabric);
   if (command.count("--areal-density") > 0 || !fabric.areal_density)
     fabric.areal_density = arguments.design.areal_density;
   return fabric;
 }
 
-void run_rig(const Arguments& arguments, const CLI::App& command) {
+void run_rig(const SynthesizeArguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoOptions, "--rig");
   refuse_options(command, SynthesizeScanArguments::names(), "--rig");
   const Fabric fabric = fabric_with_density(arguments, command);
@@ -45,7 +45,7 @@ void run_rig(const Arguments& arguments, const CLI::App& command) {
                     arguments.overwrite ? Existing::overwrite : Existing::refuse);
 }
 
-void run_scan(const Arguments& arguments, const CLI::App& command) {
+void run_scan(const SynthesizeArguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoOptions, "--scan");
   refuse_options(command, RigArguments::names(), "--scan");
   refuse_without(command, "--clouds", {"--points", "--outliers", "--hole"});
@@ -54,7 +54,7 @@ void run_scan(const Arguments& arguments, const CLI::App& command) {
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
 }
 
-void run(Arguments arguments) {
+void run_synthesize(SynthesizeArguments arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   prepare_output_folder(arguments.out, {"capture.toml"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
@@ -72,7 +72,7 @@ void run(Arguments arguments) {
 void add_synthesize(CLI::App& app) {
   auto* command = add_command(
       app, "synthesize", "a capture with known truth: another mesh, finer steps, sensor noise");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SynthesizeArguments>();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
   command->add_option("--out", arguments->out, "capture folder to write")->required();
   command->add_option("--like", arguments->layout,
@@ -120,7 +120,7 @@ void add_synthesize(CLI::App& app) {
     }
     refuse_without(*command, "--rig", RigArguments::names());
     refuse_without(*command, "--scan", SynthesizeScanArguments::names());
-    run(*arguments);
+    run_synthesize(*arguments);
   });
 }
 

@@ -16,7 +16,7 @@
 namespace weft::app {
 namespace {
 
-struct Arguments {
+struct VariabilityArguments {
   std::vector<std::string> captures;
   std::string fabric;
   std::string out = "variability";
@@ -35,7 +35,7 @@ void print_table(const std::vector<PerturbationCurve>& curves, const Fabric& fab
   }
 }
 
-void run(const Arguments& arguments) {
+void run_variability(const VariabilityArguments& arguments) {
   const InterruptGuard guard;
   const Fabric fabric = find_fabric(arguments.fabric);
   require_motion_model(fabric);
@@ -70,7 +70,7 @@ void run(const Arguments& arguments) {
 void add_variability(CLI::App& app) {
   auto* command = add_command(app, "variability",
                               "how far each parameter can change before the error rises by 1 %");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<VariabilityArguments>();
   command->add_option("captures", arguments->captures, "capture folders")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();
   command->add_option("--parameters", arguments->parameters, "default: all of the model");
@@ -80,7 +80,7 @@ void add_variability(CLI::App& app) {
   command->footer(
       "Example:\n  weft variability data/captures/cotton_waving_A --fabric out/fabric.toml --out "
       "out/variability");
-  command->callback([arguments] { run(*arguments); });
+  command->callback([arguments] { run_variability(*arguments); });
 }
 
 }  // namespace weft::app

@@ -7,13 +7,13 @@
 #include "weft/fabric/fabric.h"
 #include "weft/vision/video.h"
 
-namespace weft {
+namespace weft::bad_input_test {
 namespace {
 
-using testing::AllOf;
-using testing::EndsWith;
-using testing::HasSubstr;
-using testing::StartsWith;
+using ::testing::AllOf;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 const std::filesystem::path kBundled =
     std::filesystem::path(WEFT_SOURCE_DIR) / "data/captures/cotton_waving_A";
@@ -355,4 +355,4 @@ TEST_F(BadInput, PriorsNeedLeastSquares) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::bad_input_test

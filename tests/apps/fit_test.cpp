@@ -13,13 +13,13 @@
 #include "weft/estimate/synthetic.h"
 #include "weft/report/result.h"
 
-namespace weft {
+namespace weft::fit_test {
 namespace {
 
 using nlohmann::json;
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::StartsWith;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 /// One row of evaluations.sqlite.
 struct Row {
@@ -456,4 +456,4 @@ TEST_F(Fit, SaysWhichValuesLieAtABoundWithoutVariability) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::fit_test

@@ -11,12 +11,12 @@
 #include "weft/estimate/synthetic.h"
 #include "weft/report/result.h"
 
-namespace weft {
+namespace weft::mechanical_test {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 /// A tensile test as a laboratory hands it over: a curve and the size of the specimen.
 class Mechanical : public ProgramTest {
@@ -157,10 +157,10 @@ TEST_F(Mechanical, SearchesWhatActsAtRest) {
     return free;
   };
   const auto elastic =
-      testing::UnorderedElementsAre("stretch_stiffness", "shear_stiffness", "bend_stiffness");
+      ::testing::UnorderedElementsAre("stretch_stiffness", "shear_stiffness", "bend_stiffness");
   EXPECT_THAT(free_of({}), elastic);
   EXPECT_THAT(free_of({"--order", "joint"}), elastic);
-  EXPECT_THAT(free_of({"--parameters", "drag_linear"}), testing::ElementsAre("drag_linear"));
+  EXPECT_THAT(free_of({"--parameters", "drag_linear"}), ::testing::ElementsAre("drag_linear"));
 }
 
 TEST_F(Mechanical, SpringsHaveCurvesOfTheirCells) {
@@ -169,7 +169,7 @@ TEST_F(Mechanical, SpringsHaveCurvesOfTheirCells) {
             "--parameters", "weft_stretch", "--no-mesh-error"});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   const json result = json::parse(text_of(folder_ / "out/result.json"));
-  EXPECT_THAT(names_of(result["responses"]), testing::Contains("weft stretch"));
+  EXPECT_THAT(names_of(result["responses"]), ::testing::Contains("weft stretch"));
   EXPECT_THAT(text_of(folder_ / "out/report.html"), HasSubstr("The bend of springs depends on"));
 }
 
@@ -404,7 +404,7 @@ TEST_F(Mechanical, AKilledOrStoppedFitContinues) {
     const Outcome alone = weft(words(whole));
     ASSERT_EQ(alone.status, 0) << alone.err;
     // A strip is fitted exactly: a search that is at its end may ask for a point again.
-    EXPECT_THAT(alone.out, testing::AnyOf(HasSubstr("(0 replayed)"), HasSubstr("(1 replayed)")));
+    EXPECT_THAT(alone.out, ::testing::AnyOf(HasSubstr("(0 replayed)"), HasSubstr("(1 replayed)")));
     for (const int signal : {SIGKILL, SIGINT}) {
       const std::string out = fmt::format("out{}_{}", i, signal);
       ChildProcess child(command(words(out)));
@@ -647,7 +647,7 @@ TEST_F(Mechanical, SuggestRanksTheTestThatTells) {
   EXPECT_GT(ranked[1]["remaining"], 0.9);
 
   const std::string refused = refusal({"suggest", path("known.toml"), "--frames", "9"});
-  EXPECT_THAT(refused, testing::StartsWith("--frames: "));
+  EXPECT_THAT(refused, ::testing::StartsWith("--frames: "));
   EXPECT_THAT(refused, HasSubstr("is of model \"stvk\""));
   replace("tests.toml", "readings = 5", "readings = 0");
   EXPECT_THAT(refusal(words), HasSubstr("tests.toml:7: experiment[0].curve.readings"));
@@ -681,4 +681,4 @@ TEST_F(Mechanical, SuggestGoesOnFromAFit) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mechanical_test

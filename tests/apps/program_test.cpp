@@ -6,12 +6,12 @@
 
 #include "weft/fabric/fabric.h"
 
-namespace weft {
+namespace weft::program_test {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 class Program : public ProgramTest {};
 
@@ -78,4 +78,4 @@ TEST_F(Program, SynthesizesACaptureShorterThanItsUsualFitFrames) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::program_test

@@ -8,11 +8,11 @@
 #include "weft/base/random.h"
 #include "weft/mesh/mesh_io.h"
 
-namespace weft {
+namespace weft::register_test {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 class Register : public ProgramTest {
  protected:
@@ -187,4 +187,4 @@ TEST_F(Register, RefusesWhatItCannotUse) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::register_test

@@ -7,11 +7,11 @@
 #include "apps/program.h"
 #include "weft/fabric/fabric.h"
 
-namespace weft {
+namespace weft::rig_test {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 class Rig : public ProgramTest {
  protected:
@@ -113,4 +113,4 @@ TEST_F(Rig, RefusesOptionsOfTheOtherKind) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::rig_test

@@ -13,12 +13,12 @@
 #include "weft/fabric/orthotropic.h"
 #include "weft/mesh/mesh_io.h"
 
-namespace weft {
+namespace weft::scan_test {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 constexpr double kSide = 0.1;  // m
 
@@ -334,4 +334,4 @@ TEST_F(Scan, RefusesWhatCannotBeSynthesized) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::scan_test

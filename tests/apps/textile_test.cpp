@@ -9,10 +9,10 @@
 #include "weft/fabric/prior.h"
 #include "weft/vision/video.h"
 
-namespace weft {
+namespace weft::textile_test {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 class Textile : public ProgramTest {
  protected:
@@ -217,4 +217,4 @@ TEST_F(Textile, RefusesWhatDoesNotGoTogether) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::textile_test

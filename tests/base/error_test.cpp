@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace weft {
+namespace weft::error_test {
 namespace {
 
 TEST(ErrorAt, NamesFileLineKeyAndReason) {
@@ -18,4 +18,4 @@ TEST(ErrorAt, LeavesOutWhatItDoesNotHave) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::error_test

@@ -4,7 +4,7 @@
 
 #include <csignal>
 
-namespace weft {
+namespace weft::interrupt_test {
 namespace {
 
 TEST(InterruptGuard, TurnsASignalIntoAFlagForItsLifetime) {
@@ -43,4 +43,4 @@ TEST(InterruptGuardDeathTest, RestoresWhatWasThereBefore) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::interrupt_test

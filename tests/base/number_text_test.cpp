@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-namespace weft {
+namespace weft::number_text_test {
 namespace {
 
 TEST(NumberText, IsAllOfTheText) {
@@ -28,4 +28,4 @@ TEST(NumberText, ListsHaveNothingBesideNumbersAndSeparators) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::number_text_test

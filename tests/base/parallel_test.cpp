@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-namespace weft {
+namespace weft::parallel_test {
 namespace {
 
 TEST(ParallelFor, RunsEachTaskOnce) {
@@ -63,4 +63,4 @@ TEST(ParallelFor, InnerLoopsDoNotReenterTheOuterTask) {
 TEST(HardwareThreads, IsAtLeastOne) { EXPECT_GE(hardware_threads(), 1); }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::parallel_test

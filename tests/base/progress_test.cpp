@@ -6,14 +6,14 @@
 #include <algorithm>
 #include <memory>
 
-namespace weft {
+namespace weft::progress_test {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 /// What a Progress prints to a stream that is no terminal.
-class ProgressTest : public testing::Test {
+class ProgressTest : public ::testing::Test {
  protected:
   std::string text() {
     std::rewind(file_.get());
@@ -64,4 +64,4 @@ TEST_F(ProgressTest, QuietPrintsNothing) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::progress_test

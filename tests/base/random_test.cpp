@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-namespace weft {
+namespace weft::random_test {
 namespace {
 
 // The first outputs that the Rust crate `rand` tests for its Xoshiro256PlusPlus::seed_from_u64(0).
@@ -78,4 +78,4 @@ TEST(Rng, NeighbouringStreamsShareNoOutputs) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::random_test

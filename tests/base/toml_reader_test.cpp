@@ -5,13 +5,13 @@
 
 #include <limits>
 
-namespace weft {
+namespace weft::toml_reader_test {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
-using testing::StartsWith;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
 
 TomlTable parse(std::string_view text) { return TomlTable::parse_string(text, "f.toml"); }
 
@@ -259,4 +259,4 @@ TEST(TomlTable, WhereGivesFileLineAndFullKey) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::toml_reader_test

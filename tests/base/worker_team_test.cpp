@@ -4,7 +4,7 @@
 
 #include <numeric>
 
-namespace weft {
+namespace weft::worker_team_test {
 namespace {
 
 TEST(WorkerTeam, RunsEachTaskOfEachRoundOnce) {
@@ -35,4 +35,4 @@ TEST(WorkerTeam, EndsWithoutHavingWorked) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::worker_team_test

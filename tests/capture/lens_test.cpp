@@ -9,7 +9,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-namespace weft {
+namespace weft::lens_test {
 namespace {
 
 constexpr LensDistortion kLens{-0.25, 0.08, 2e-3, -1.5e-3, 0.01};
@@ -85,4 +85,4 @@ TEST(Undistort, StraightensAnImageOfSmoothLight) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::lens_test

@@ -7,11 +7,11 @@
 
 #include "capture/temporary_capture.h"
 
-namespace weft {
+namespace weft::mechanical_capture_test {
 namespace {
 
-using testing::HasSubstr;
-using testing::StartsWith;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 const std::filesystem::path kData = std::filesystem::path(WEFT_SOURCE_DIR) / "data/mechanical";
 
@@ -461,4 +461,4 @@ TEST_F(OverhangCapture, NamesFileLineAndKey) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mechanical_capture_test

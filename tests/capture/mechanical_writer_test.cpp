@@ -9,7 +9,7 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::mechanical_writer_test {
 namespace {
 
 Clip clip_at(const MaterialRectangle& region, double shift, double angle) {
@@ -135,4 +135,4 @@ TEST(WriteMechanicalCapture, RefusesWhatCannotBeReadBack) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mechanical_writer_test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace weft {
+namespace weft::picture_frame_test {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
@@ -57,4 +57,4 @@ TEST(PictureFrame, RatesAreDerivatives) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::picture_frame_test

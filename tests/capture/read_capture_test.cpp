@@ -7,14 +7,14 @@
 #include "capture/temporary_capture.h"
 #include "weft/capture/capture_checks.h"
 
-namespace weft {
+namespace weft::read_capture_test {
 namespace {
 
-using testing::AllOf;
-using testing::EndsWith;
-using testing::HasSubstr;
-using testing::Not;
-using testing::StartsWith;
+using ::testing::AllOf;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
 
 class ReadCapture : public TemporaryCapture {
  protected:
@@ -363,4 +363,4 @@ TEST_F(ReadCapture, NeverOpensTheTruth) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::read_capture_test

@@ -7,11 +7,11 @@
 #include "weft/capture/mechanical_capture.h"
 #include "weft/mesh/mesh_io.h"
 
-namespace weft {
+namespace weft::scan_capture_test {
 namespace {
 
-using testing::HasSubstr;
-using testing::StartsWith;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 class ReadScan : public TemporaryCapture {
  protected:
@@ -236,4 +236,4 @@ TEST_F(ReadScan, WritesWhatItReads) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::scan_capture_test

@@ -2,10 +2,10 @@
 
 #include "capture/temporary_capture.h"
 
-namespace weft {
+namespace weft::scene_test {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 TEST(MakeScene, PutsFixturesAtTheirVerticesAndFramesAtTheirTimes) {
   const Capture capture = read_capture(bundled_capture());
@@ -56,4 +56,4 @@ TEST(MakeScene, RejectsFramesThatTheCaptureLacks) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::scene_test

@@ -6,7 +6,7 @@
 #include "weft/base/error.h"
 #include "weft/capture/capture.h"
 
-namespace weft {
+namespace weft::sensor_noise_test {
 namespace {
 
 TEST(SensorNoise, HasTheVarianceOfShotReadAndRounding) {
@@ -63,4 +63,4 @@ TEST(SensorNoise, RejectsASensorThatIsNone) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::sensor_noise_test

@@ -3,11 +3,11 @@
 #include "capture/temporary_capture.h"
 #include "weft/mesh/mesh_io.h"
 
-namespace weft {
+namespace weft::start_surface_test {
 namespace {
 
-using testing::HasSubstr;
-using testing::StartsWith;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 /// The bundled capture, whose corners are held at (-0.1875, 0, 1) and (0.1875, 0, 1).
 class StartSurface : public TemporaryCapture {
@@ -68,4 +68,4 @@ TEST_F(StartSurface, RejectsASurfaceWithoutMaterialPoints) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::start_surface_test

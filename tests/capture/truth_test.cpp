@@ -5,10 +5,10 @@
 #include "capture/temporary_capture.h"
 #include "weft/mesh/mesh_io.h"
 
-namespace weft {
+namespace weft::truth_test {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 class Truth : public TemporaryCapture {};
 
@@ -85,4 +85,4 @@ TEST_F(Truth, RejectsFilesThatDoNotMatch) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::truth_test

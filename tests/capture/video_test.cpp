@@ -9,11 +9,11 @@
 #include "weft/base/random.h"
 #include "weft/mesh/mesh_io.h"
 
-namespace weft {
+namespace weft::video_test {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 /// A striped rectangle on a dark ground, not symmetric in any way; it moves with `frame`.
 Image striped_frame(const Rig& rig, int frame) {
@@ -247,4 +247,4 @@ TEST_F(Video, StripePeriodOfTheBundledCaptureIsThatOfItsFrames) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::video_test

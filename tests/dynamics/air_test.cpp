@@ -8,7 +8,7 @@
 #include "dynamics/scenes.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::air_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -163,4 +163,4 @@ TEST(Air, BadInputIsRefused) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::air_test

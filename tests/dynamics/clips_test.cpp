@@ -10,7 +10,7 @@
 #include "weft/base/error.h"
 #include "weft/mesh/grid_lines.h"
 
-namespace weft {
+namespace weft::clips_test {
 namespace {
 
 constexpr double kLength = 0.1, kWidth = 0.04, kDepth = 0.01;  // m
@@ -266,4 +266,4 @@ TEST(ClipPoseSensitivities, AgreeWithDifferences) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::clips_test

@@ -8,7 +8,7 @@
 #include "dynamics/scenes.h"
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::equilibrium_test {
 namespace {
 
 using namespace test;
@@ -55,7 +55,7 @@ struct CantileverCase {
   const char* model = "baraff-witkin";
 };
 
-class HeavyCantilever : public testing::TestWithParam<CantileverCase> {};
+class HeavyCantilever : public ::testing::TestWithParam<CantileverCase> {};
 
 TEST_P(HeavyCantilever, FollowsTheElastica) {
   const auto [cells, pattern, model] = GetParam();
@@ -74,7 +74,7 @@ std::vector<CantileverCase> cantilever_cases() {
   return cases;
 }
 
-INSTANTIATE_TEST_SUITE_P(Meshes, HeavyCantilever, testing::ValuesIn(cantilever_cases()),
+INSTANTIATE_TEST_SUITE_P(Meshes, HeavyCantilever, ::testing::ValuesIn(cantilever_cases()),
                          [](const auto& info) {
                            std::string name = info.param.model;
                            std::erase(name, '-');
@@ -259,4 +259,4 @@ TEST(SolveStatic, ReportsThatThereIsNoEquilibrium) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::equilibrium_test

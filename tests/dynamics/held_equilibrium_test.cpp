@@ -9,7 +9,7 @@
 #include "weft/base/error.h"
 #include "weft/fabric/orthotropic.h"
 
-namespace weft {
+namespace weft::held_equilibrium_test {
 namespace {
 
 constexpr double kSide = 0.1;  // m
@@ -128,4 +128,4 @@ TEST(HeldEquilibrium, XpbdHasOneRigidity) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::held_equilibrium_test

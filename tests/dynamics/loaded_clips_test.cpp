@@ -9,7 +9,7 @@
 #include "weft/base/error.h"
 #include "weft/mesh/grid_lines.h"
 
-namespace weft {
+namespace weft::loaded_clips_test {
 namespace {
 
 constexpr double kLength = 0.1, kWidth = 0.04, kDepth = 0.01;  // m
@@ -371,4 +371,4 @@ TEST(LoadedClips, OneMustBeHeldAndOneLoaded) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::loaded_clips_test

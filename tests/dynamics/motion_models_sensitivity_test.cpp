@@ -9,7 +9,7 @@
 #include "dynamics/scenes.h"
 #include "weft/dynamics/sensitivity.h"
 
-namespace weft {
+namespace weft::motion_models_sensitivity_test {
 namespace {
 
 using namespace test;  // NOLINT(google-build-using-namespace)
@@ -136,4 +136,4 @@ TEST_P(MotionModelSensitivity, AgreesWithDifferencesThroughSettlingAndMotion) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::motion_models_sensitivity_test

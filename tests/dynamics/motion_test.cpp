@@ -6,7 +6,7 @@
 #include "weft/base/error.h"
 #include "weft/dynamics/scene.h"
 
-namespace weft {
+namespace weft::motion_test {
 namespace {
 
 Points columns(std::initializer_list<Vec3> list) {
@@ -96,4 +96,4 @@ TEST(Motion, RejectsBadSamples) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::motion_test

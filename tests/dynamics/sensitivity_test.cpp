@@ -9,7 +9,7 @@
 #include "dynamics/scenes.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::sensitivity_test {
 namespace {
 
 using namespace test;  // NOLINT(google-build-using-namespace)
@@ -174,4 +174,4 @@ TEST(Sensitivities, RejectWhatHasNone) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::sensitivity_test

@@ -8,7 +8,7 @@
 #include "dynamics/scenes.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::simulate_test {
 namespace {
 
 using namespace test;
@@ -108,7 +108,7 @@ Points reference(const Scene& scene, const Fabric& fabric) {
   return last_frame(scene, fabric, options);
 }
 
-class OrderOfAccuracy : public testing::TestWithParam<std::pair<Integrator, int>> {};
+class OrderOfAccuracy : public ::testing::TestWithParam<std::pair<Integrator, int>> {};
 
 TEST_P(OrderOfAccuracy, IsWhatTheMethodPromises) {
   // The reference has its damping from velocities, not from differences of strains: both forms of
@@ -128,9 +128,9 @@ TEST_P(OrderOfAccuracy, IsWhatTheMethodPromises) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Implicit, OrderOfAccuracy,
-                         testing::Values(std::pair{Integrator::implicit_euler, 1},
-                                         std::pair{Integrator::bdf2, 2},
-                                         std::pair{Integrator::newmark, 2}),
+                         ::testing::Values(std::pair{Integrator::implicit_euler, 1},
+                                           std::pair{Integrator::bdf2, 2},
+                                           std::pair{Integrator::newmark, 2}),
                          [](const auto& info) {
                            std::string name(name_of(info.param.first));
                            std::erase(name, '-');
@@ -433,4 +433,4 @@ TEST(Simulate, RejectsAnImpossibleScene) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::simulate_test

@@ -8,7 +8,7 @@
 #include "weft/base/random.h"
 #include "weft/mesh/triangle_mesh.h"
 
-namespace weft {
+namespace weft::sparse_cholesky_test {
 namespace {
 
 /// A diagonally dominant matrix of random numbers, coupled as hinges couple the vertices.
@@ -106,4 +106,4 @@ TEST(SparseCholesky, ReportsAMatrixThatIsNotPositiveDefinite) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::sparse_cholesky_test

@@ -3,7 +3,7 @@
 #include "dynamics/random_strip.h"
 #include "weft/dynamics/xpbd_sheet.h"
 
-namespace weft {
+namespace weft::xpbd_bending_test {
 namespace {
 
 using namespace test;
@@ -91,4 +91,4 @@ TEST(XpbdBending, CurvatureIsARigidityOnRandomTriangulationsAndTheDihedralAngleI
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::xpbd_bending_test

@@ -5,7 +5,7 @@
 #include "common/gradient_check.h"
 #include "weft/base/random.h"
 
-namespace weft::xpbd {
+namespace weft::xpbd::xpbd_constraints_test {
 namespace {
 
 using weft::testing::near;
@@ -209,4 +209,4 @@ TYPED_TEST(XpbdConstraint, LawsHaveTheirDerivatives) {
 }
 
 }  // namespace
-}  // namespace weft::xpbd
+}  // namespace weft::xpbd::xpbd_constraints_test

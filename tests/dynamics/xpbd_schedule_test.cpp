@@ -7,7 +7,7 @@
 
 #include "weft/dynamics/xpbd_system.h"
 
-namespace weft::xpbd {
+namespace weft::xpbd::xpbd_schedule_test {
 namespace {
 
 std::vector<int> triangle_stencils(const TriangleMesh& mesh, const SlabOrder& order) {
@@ -113,4 +113,4 @@ TEST(XpbdSystem, SweepsDoNotDependOnTheNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace weft::xpbd
+}  // namespace weft::xpbd::xpbd_schedule_test

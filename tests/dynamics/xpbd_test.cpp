@@ -9,7 +9,7 @@
 #include "weft/dynamics/clips.h"
 #include "weft/dynamics/sparse_cholesky.h"
 
-namespace weft {
+namespace weft::xpbd_test {
 namespace {
 
 using namespace test;
@@ -288,4 +288,4 @@ TEST(XpbdEquilibrium, SaysWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::xpbd_test

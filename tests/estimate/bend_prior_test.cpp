@@ -8,7 +8,7 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::bend_prior_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -87,4 +87,4 @@ TEST(BendPrior, RefusesWhatHasNone) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::bend_prior_test

@@ -15,7 +15,7 @@
 #include "weft/estimate/mechanical_fit.h"
 #include "weft/vision/strip_profile.h"
 
-namespace weft {
+namespace weft::cantilever_test {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
@@ -112,7 +112,7 @@ std::string refusal_of(const MaterialPoints& profile) {
 }
 
 TEST(FitCantilever, RefusesWhatGravityDoesNotBend) {
-  using testing::HasSubstr;
+  using ::testing::HasSubstr;
   const MaterialPoints strip = bent_strip(41);
   EXPECT_EQ(refusal_of(strip), "no error");
   MaterialPoints up = strip;
@@ -215,4 +215,4 @@ TEST(PhotographedCantilever, RootMomentIsThePublishedOne) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::cantilever_test

@@ -4,7 +4,7 @@
 
 #include "dynamics/elastica.h"
 
-namespace weft {
+namespace weft::closed_forms_test {
 namespace {
 
 constexpr double kMembrane = 3000, kBend = 2e-5;
@@ -51,4 +51,4 @@ TEST(ClosedForms, CantileverOfSpringsFollowsItsMesh) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::closed_forms_test

@@ -12,7 +12,7 @@
 #include "weft/estimate/mechanical_fit.h"
 #include "weft/estimate/mechanical_rig.h"
 
-namespace weft {
+namespace weft::cord_friction_test {
 namespace {
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
@@ -326,4 +326,4 @@ TEST(CordFriction, IsSaidByTheCapture) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::cord_friction_test

@@ -12,7 +12,7 @@
 #include "weft/estimate/component_strains.h"
 #include "weft/estimate/mechanical_rig.h"
 
-namespace weft {
+namespace weft::curve_fit_test {
 namespace {
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
@@ -506,4 +506,4 @@ TEST(CurveBand, FollowsTheIntervalsOfTheControlValues) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::curve_fit_test

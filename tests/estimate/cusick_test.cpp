@@ -7,7 +7,7 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::cusick_test {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
@@ -246,4 +246,4 @@ TEST(FitDrape, SaysWhatItsRangeDoesNotReach) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::cusick_test

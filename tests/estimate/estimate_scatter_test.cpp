@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-namespace weft {
+namespace weft::estimate_scatter_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -182,4 +182,4 @@ TEST(EstimateScatter, IntervalIsInTheParametersUnit) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::estimate_scatter_test

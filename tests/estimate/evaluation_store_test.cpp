@@ -11,10 +11,10 @@
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 
-namespace weft {
+namespace weft::evaluation_store_test {
 namespace {
 
-class EvaluationStoreTest : public testing::Test {
+class EvaluationStoreTest : public ::testing::Test {
  protected:
   test::TemporaryFolder temporary_;
   std::filesystem::path folder_ = temporary_.path();
@@ -116,4 +116,4 @@ TEST_F(EvaluationStoreTest, RejectsWhatIsNoStore) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::evaluation_store_test

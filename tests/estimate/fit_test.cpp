@@ -14,7 +14,7 @@
 #include "weft/base/interrupt.h"
 #include "weft/estimate/landscape.h"
 
-namespace weft {
+namespace weft::fit_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -329,4 +329,4 @@ TEST(Landscape, RejectsBadOptions) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::fit_test

@@ -11,7 +11,7 @@
 #include "weft/estimate/mechanical_fit.h"
 #include "weft/estimate/mechanical_rig.h"
 
-namespace weft {
+namespace weft::force_weights_test {
 namespace {
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
@@ -214,4 +214,4 @@ TEST(ForceWeights, AreNoneWithoutAStatedNoise) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::force_weights_test

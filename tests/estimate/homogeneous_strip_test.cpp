@@ -11,7 +11,7 @@
 #include "weft/estimate/mechanical_trial.h"
 #include "weft/model/friction.h"
 
-namespace weft {
+namespace weft::homogeneous_strip_test {
 namespace {
 
 constexpr double kA11 = 400, kA12 = 60, kA22 = 150, kA66 = 30;
@@ -205,4 +205,4 @@ TEST(HomogeneousStrip, RefusesSprings) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::homogeneous_strip_test

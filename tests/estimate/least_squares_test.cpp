@@ -9,7 +9,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::least_squares_test {
 namespace {
 
 /// Residuals and their Jacobian as the callbacks of the solver; cost r^T r.
@@ -253,4 +253,4 @@ TEST(BoxProgram, MeetsTheOptimalityConditions) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::least_squares_test

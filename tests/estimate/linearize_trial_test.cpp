@@ -15,7 +15,7 @@
 #include "weft/estimate/uncertainty.h"
 #include "weft/estimate/variability.h"
 
-namespace weft {
+namespace weft::linearize_trial_test {
 namespace {
 
 Fabric true_fabric() {
@@ -27,7 +27,7 @@ Fabric true_fabric() {
 }
 
 /// A small swatch in a small image: 17 x 17 vertices as truth, 13 x 13 to fit. Made once.
-class LinearizeTest : public testing::Test {
+class LinearizeTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = std::make_unique<test::TemporaryFolder>();
@@ -424,4 +424,4 @@ TEST_F(LinearizeTest, APriorWeighsAsItSaysAgainstTheData) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::linearize_trial_test

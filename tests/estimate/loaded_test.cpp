@@ -9,7 +9,7 @@
 #include "weft/estimate/mechanical_fit.h"
 #include "weft/estimate/pose_residuals.h"
 
-namespace weft {
+namespace weft::loaded_test {
 namespace {
 
 constexpr double kFree = 0.1, kWidth = 0.02, kDepth = 0.01;  // m
@@ -248,4 +248,4 @@ TEST(LoadedMechanical, CordsOfLoadedClipsHaveNoFriction) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::loaded_test

@@ -14,11 +14,11 @@
 #include "weft/estimate/cantilever.h"
 #include "weft/estimate/suggest.h"
 
-namespace weft {
+namespace weft::mechanical_candidate_test {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 using Kind = CandidateTest::Kind;
 
 constexpr double kLength = 0.2, kWidth = 0.05, kStiffness = 800;  // m, m, N/m
@@ -172,7 +172,7 @@ TEST(MechanicalInformation, RefusesValuesOutOfRange) {
   EXPECT_THAT(message(test), HasSubstr("force_noise = 0"));
 }
 
-class CandidateFile : public testing::Test {
+class CandidateFile : public ::testing::Test {
  protected:
   std::vector<Candidate> read(const std::string& text) const {
     write("experiments.toml",
@@ -307,4 +307,4 @@ TEST_F(CandidateFile, FrictionOfCordsIsOneMoreUnknown) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mechanical_candidate_test

@@ -8,7 +8,7 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::mechanical_rig_test {
 namespace {
 
 Fabric soft_fabric() {
@@ -216,4 +216,4 @@ TEST(RigLayout, RefusesWhatItCannotPlan) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mechanical_rig_test

@@ -12,10 +12,10 @@
 #include "weft/estimate/curve_fit.h"
 #include "weft/estimate/mechanical_rig.h"
 
-namespace weft {
+namespace weft::mechanical_store_test {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 
 struct Killed {};
@@ -39,7 +39,7 @@ Fabric true_fabric() {
   return fabric;
 }
 
-class MechanicalStoreTest : public testing::Test {
+class MechanicalStoreTest : public ::testing::Test {
  protected:
   std::shared_ptr<const MechanicalTrial> trial(RigTest test, const Fabric& fabric, int cells = 2) {
     MechanicalOptions options;
@@ -90,7 +90,8 @@ void expect_continues(const Fit& fit, const std::function<std::filesystem::path(
   EXPECT_EQ(whole.replayed, 0u);
   const auto count = static_cast<int>(whole.history.size());
   for (int killed = 1; killed < count; killed += step) {
-    const testing::ScopedTrace trace(__FILE__, __LINE__, "killed after " + std::to_string(killed));
+    const ::testing::ScopedTrace trace(__FILE__, __LINE__,
+                                       "killed after " + std::to_string(killed));
     const std::filesystem::path file = path();
     EXPECT_THROW(fit(std::make_shared<MechanicalStore>(file, "fit"), killed), Killed);
     const MechanicalFitResult continued = fit(std::make_shared<MechanicalStore>(file, "fit"), 1000);
@@ -301,4 +302,4 @@ TEST_F(MechanicalStoreTest, WhatIsComputedOtherwiseHasAnotherFingerprint) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mechanical_store_test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace weft {
+namespace weft::mechanical_strains_test {
 namespace {
 
 /// A swatch of 4 x 4 cells, held by nothing, with the threads turned by `grain` rad.
@@ -78,4 +78,4 @@ TEST(Quantile, IsOfTheArea) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mechanical_strains_test

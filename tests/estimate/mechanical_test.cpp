@@ -11,7 +11,7 @@
 #include "weft/estimate/homogeneous_strip.h"
 #include "weft/estimate/mechanical_fit.h"
 
-namespace weft {
+namespace weft::mechanical_test {
 namespace {
 
 MechanicalOptions with_cells(int cells) {
@@ -420,4 +420,4 @@ TEST(MechanicalProblem, RefusesWhatCannotBeFitted) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mechanical_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace weft {
+namespace weft::mesh_error_test {
 namespace {
 
 constexpr double kNoise = 0.02;  // of the mean of 100 squares
@@ -48,4 +48,4 @@ TEST(MeshError, AParameterStaysAtTheBoundThatHoldsIt) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mesh_error_test

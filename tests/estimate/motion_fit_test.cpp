@@ -9,7 +9,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::motion_fit_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -247,4 +247,4 @@ TEST(MotionFit, BadInputIsRefused) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::motion_fit_test

@@ -11,7 +11,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::optimize_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -311,4 +311,4 @@ TEST(Anneal, RejectsBadOptions) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::optimize_test

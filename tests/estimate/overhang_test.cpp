@@ -12,7 +12,7 @@
 #include "weft/estimate/curve_fit.h"
 #include "weft/estimate/mechanical_fit.h"
 
-namespace weft {
+namespace weft::overhang_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -292,4 +292,4 @@ TEST(Overhang, OtherReadingsAreAnotherTrial) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::overhang_test

@@ -9,7 +9,7 @@
 #include "weft/estimate/mechanical_strains.h"
 #include "weft/model/friction.h"
 
-namespace weft {
+namespace weft::picture_frame_test {
 namespace {
 
 constexpr double kFrame = 0.2, kFabric = 0.14;  // m
@@ -251,4 +251,4 @@ TEST(PictureFrame, IsAShearTestOfTheIncrementalOrder) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::picture_frame_test

@@ -14,7 +14,7 @@
 #include "weft/estimate/evaluation_store.h"
 #include "weft/estimate/stored_evaluations.h"
 
-namespace weft {
+namespace weft::posterior_test {
 namespace {
 
 std::vector<double> row_of(const MatX& samples, Eigen::Index i) {
@@ -192,4 +192,4 @@ TEST(StoredEvaluations, ComeBackWithTheirValues) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::posterior_test

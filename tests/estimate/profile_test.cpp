@@ -7,7 +7,7 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::profile_test {
 namespace {
 
 /// Residuals (y - f(x)) / 0.02 and (x - 0.4) / s(x): the best y follows x along f, and the rise of
@@ -212,4 +212,4 @@ TEST(Profile, RejectsBadArguments) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::profile_test

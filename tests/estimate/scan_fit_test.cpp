@@ -13,7 +13,7 @@
 #include "weft/estimate/scan_synthetic.h"
 #include "weft/fabric/orthotropic.h"
 
-namespace weft {
+namespace weft::scan_fit_test {
 namespace {
 
 using ::testing::AllOf;
@@ -633,4 +633,4 @@ TEST(ScanFit, RefusesWhatItCannotFit) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::scan_fit_test

@@ -9,7 +9,7 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
-namespace weft::detail {
+namespace weft::detail::sqlite_file_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -26,7 +26,7 @@ std::string message(const std::function<void()>& action) {
   return "nothing was thrown";
 }
 
-class SqliteFile : public testing::Test {
+class SqliteFile : public ::testing::Test {
  protected:
   test::TemporaryFolder folder_;
   std::filesystem::path path_ = folder_.path() / "t.sqlite";
@@ -98,4 +98,4 @@ TEST_F(SqliteFile, SaysWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace weft::detail
+}  // namespace weft::detail::sqlite_file_test

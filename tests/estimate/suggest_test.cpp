@@ -10,10 +10,10 @@
 #include "weft/base/error.h"
 #include "weft/estimate/synthetic.h"
 
-namespace weft {
+namespace weft::suggest_test {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using Axis = CandidateExperiment::Axis;
 
 Capture small_rig() {
@@ -123,7 +123,7 @@ TEST(Suggest, AFileOfCandidatesIsReadStrictly) {
   EXPECT_EQ(name_of(found[1]), "hang");
   EXPECT_THAT(message(""), HasSubstr("no [[experiment]]"));
   EXPECT_THAT(message("[[experiment]]\nseparation = 2\namplitude = 0\n"),
-              testing::AllOf(HasSubstr("experiments.toml:4"), HasSubstr("separation")));
+              ::testing::AllOf(HasSubstr("experiments.toml:4"), HasSubstr("separation")));
   EXPECT_THAT(message("[[experiment]]\nseparation = 0.5\namplitud = 0\n"), HasSubstr("amplitude"));
   EXPECT_THAT(message("[[experiment]]\nseparation = 0.5\namplitude = 0\naxis = \"left\"\n"),
               HasSubstr("axis"));
@@ -214,4 +214,4 @@ TEST(Suggest, CandidatesAreWhatTheModelCanSimulate) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::suggest_test

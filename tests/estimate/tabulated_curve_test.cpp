@@ -6,7 +6,7 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::tabulated_curve_test {
 namespace {
 
 TEST(TabulatedCurve, OneKnotIsTheSlopeThroughTheOrigin) {
@@ -51,4 +51,4 @@ TEST(TabulatedCurve, ValuesStayAboveZero) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::tabulated_curve_test

@@ -16,7 +16,7 @@
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/stripe_surface.h"
 
-namespace weft {
+namespace weft::trial_test {
 namespace {
 
 /// A small swatch, a small image, a few frames: 17 x 17 vertices as truth, 13 x 13 to fit.
@@ -50,7 +50,7 @@ Fabric test_fabric() {
 }
 
 /// Made once for all tests of this program.
-class TrialTest : public testing::Test {
+class TrialTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = std::make_unique<test::TemporaryFolder>();
@@ -390,4 +390,4 @@ TEST_F(TrialTest, OfTwoFitsTheOneWithTheSmallerSumIsKept) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::trial_test

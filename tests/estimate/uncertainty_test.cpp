@@ -11,7 +11,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::uncertainty_test {
 namespace {
 
 /// A linear problem y = A x + noise, in clusters within which the noise of neighbours is
@@ -470,4 +470,4 @@ TEST(ClusterCovariance, DirectionsWithoutDataComeFirst) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::uncertainty_test

@@ -9,7 +9,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::variability_test {
 namespace {
 
 const ParameterInfo& bend() {
@@ -184,4 +184,4 @@ TEST(Variability, AnOptionalTermIsChangedItselfWhereOthersAreLeftOut) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::variability_test

@@ -6,7 +6,7 @@
 #include "weft/estimate/least_squares.h"
 #include "weft/estimate/synthetic.h"
 
-namespace weft {
+namespace weft::video_mesh_error_test {
 namespace {
 
 Fabric true_fabric() {
@@ -89,4 +89,4 @@ TEST(VideoMeshError, IsUnknownWithoutAMotion) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::video_mesh_error_test

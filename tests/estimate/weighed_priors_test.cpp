@@ -12,7 +12,7 @@
 #include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/mechanical_fit.h"
 
-namespace weft {
+namespace weft::weighed_priors_test {
 namespace {
 
 /// A fabric of soft-constraints with `scaled` as its stretch of the weft and its shear.
@@ -225,4 +225,4 @@ TEST(FitCurves, WeighsPriorsOfWhatAStepSearches) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::weighed_priors_test

@@ -8,7 +8,7 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::arcsim_material_test {
 namespace {
 
 using ::testing::AllOf;
@@ -73,4 +73,4 @@ TEST_F(ArcsimMaterial, RejectsAnythingElse) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::arcsim_material_test

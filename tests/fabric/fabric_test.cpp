@@ -13,7 +13,7 @@
 #include "weft/base/error.h"
 #include "weft/fabric/prior.h"
 
-namespace weft {
+namespace weft::fabric_test {
 namespace {
 
 using ::testing::AllOf;
@@ -388,4 +388,4 @@ TEST(Presets, ValuesOfThePaper) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::fabric_test

@@ -9,7 +9,7 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::kes_fabric_test {
 namespace {
 
 using ::testing::AllOf;
@@ -110,4 +110,4 @@ TEST_F(KesFabric, RefusesWhatIsMissingUnknownOrOutOfRange) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::kes_fabric_test

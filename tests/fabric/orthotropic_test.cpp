@@ -6,10 +6,10 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::orthotropic_test {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 // By hand, from equation 6 of the paper: nu_vu = 0.4 * 280 / 100 = 1.12, d = 1 - 0.448 = 0.552.
 TEST(Orthotropic, StiffnessOfCottonByHand) {
@@ -81,4 +81,4 @@ TEST(Orthotropic, RefusesWhatIsNoSheet) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::orthotropic_test

@@ -7,7 +7,7 @@
 #include "common/gradient_check.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::stiffness_curve_test {
 namespace {
 
 VecX numbers(std::initializer_list<double> list) {
@@ -130,4 +130,4 @@ TEST(StiffnessCurve, RejectsWhatIsNoCurve) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::stiffness_curve_test

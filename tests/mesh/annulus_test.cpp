@@ -7,7 +7,7 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::annulus_test {
 namespace {
 
 TEST(Annulus, IsAValidMeshOfTheRightArea) {
@@ -33,4 +33,4 @@ TEST(Annulus, RefusesWhatIsNoRing) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::annulus_test

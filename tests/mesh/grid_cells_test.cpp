@@ -6,7 +6,7 @@
 
 #include "weft/mesh/grid_lines.h"
 
-namespace weft {
+namespace weft::grid_cells_test {
 namespace {
 
 double area(const TriangleMesh& mesh, const GridCell& cell) {
@@ -67,4 +67,4 @@ TEST(GridCells, ApexesOfAnEdge) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::grid_cells_test

@@ -6,11 +6,11 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::grid_lines_test {
 namespace {
 
-using testing::DoubleNear;
-using testing::ElementsAre;
+using ::testing::DoubleNear;
+using ::testing::ElementsAre;
 
 TEST(GridLines, HaveTheBordersAndEqualCellsBetween) {
   const auto near = [](double x) { return DoubleNear(x, 1e-15); };
@@ -55,4 +55,4 @@ TEST(SwatchFromLines, IsTheSwatchWhereLinesAreEven) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::grid_lines_test

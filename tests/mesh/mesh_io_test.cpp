@@ -11,14 +11,14 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::mesh_io_test {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 /// A folder of its own for each test, removed afterwards.
-class MeshIo : public testing::Test {
+class MeshIo : public ::testing::Test {
  protected:
   std::filesystem::path write(const std::string& name, const std::string& text) const {
     std::ofstream(folder_ / name, std::ios::binary) << text;
@@ -101,7 +101,7 @@ TEST_F(MeshIo, ObjComesBackAsItWasWritten) {
   EXPECT_NEAR((back.positions - x).cwiseAbs().maxCoeff(), 0, 1e-9);
   ASSERT_TRUE(back.texture.has_value());
   EXPECT_NEAR((*back.texture - mesh.material).cwiseAbs().maxCoeff(), 0, 1e-9);
-  EXPECT_THAT(read(folder_ / "m.obj"), testing::StartsWith("# a comment\nv "));
+  EXPECT_THAT(read(folder_ / "m.obj"), ::testing::StartsWith("# a comment\nv "));
 }
 
 TEST_F(MeshIo, PlyHasTheHeaderAndTheBytesOfItsFormat) {
@@ -117,7 +117,7 @@ TEST_F(MeshIo, PlyHasTheHeaderAndTheBytesOfItsFormat) {
   ASSERT_EQ(data.size() - body, 4u * 5 * 4 + 2u * (1 + 3 * 4));
   float last_vertex[5];
   std::memcpy(last_vertex, data.data() + body + 3 * 20, sizeof last_vertex);
-  EXPECT_THAT(last_vertex, testing::ElementsAre(1.f, 2.f, 3.f, 0.5f, 0.25f));
+  EXPECT_THAT(last_vertex, ::testing::ElementsAre(1.f, 2.f, 3.f, 0.5f, 0.25f));
   EXPECT_EQ(data[body + 80], 3);
 }
 
@@ -188,4 +188,4 @@ TEST_F(MeshIo, UnwritablePathsAreRejected) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mesh_io_test

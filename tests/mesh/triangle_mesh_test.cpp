@@ -11,10 +11,10 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::triangle_mesh_test {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 /// u along +x, v along -z: how a swatch hangs before a camera at -y that looks along +y.
 Points hanging(const TriangleMesh& mesh) {
@@ -34,7 +34,7 @@ std::string message(Function function) {
   return "no error";
 }
 
-class Swatch : public testing::TestWithParam<GridPattern> {};
+class Swatch : public ::testing::TestWithParam<GridPattern> {};
 
 TEST_P(Swatch, CoversItsRectangleOnceWithCounterClockwiseTriangles) {
   const TriangleMesh mesh = make_swatch(0.5, 0.3, 6, 4, GetParam());
@@ -100,7 +100,7 @@ TEST_P(Swatch, HasAHingeAtEachInnerEdge) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Patterns, Swatch,
-                         testing::Values(GridPattern::alternating, GridPattern::uniform));
+                         ::testing::Values(GridPattern::alternating, GridPattern::uniform));
 
 TEST(MakeSwatch, PatternsPlaceTheDiagonalsAsTheySay) {
   // (u + v) grows along one diagonal of a square, (u - v) along the other.
@@ -272,4 +272,4 @@ TEST(GridPattern, HasAName) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::triangle_mesh_test

@@ -8,7 +8,7 @@
 #include "weft/base/random.h"
 #include "weft/mesh/grid_lines.h"
 
-namespace weft {
+namespace weft::bending_test {
 namespace {
 
 /// Energy for B = 1 of the triangles for which `counts` holds, at positions x.
@@ -180,4 +180,4 @@ TEST(Bending, DoesNotDependOnSize) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::bending_test

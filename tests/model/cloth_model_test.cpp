@@ -15,7 +15,7 @@
 #include "weft/strain/shear.h"
 #include "weft/strain/stretch.h"
 
-namespace weft {
+namespace weft::cloth_model_test {
 namespace {
 
 using testing::Energy;
@@ -531,4 +531,4 @@ TEST(ClothModel, RejectsWhatIsNotAFabricOrAMesh) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::cloth_model_test

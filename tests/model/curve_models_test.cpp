@@ -8,7 +8,7 @@
 #include "weft/base/error.h"
 #include "weft/mesh/grid_lines.h"
 
-namespace weft {
+namespace weft::curve_models_test {
 namespace {
 
 using testing::flat_positions;
@@ -276,4 +276,4 @@ TEST(Springs, NeedARegularGrid) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::curve_models_test

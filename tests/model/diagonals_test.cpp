@@ -12,7 +12,7 @@
 #include "weft/mesh/grid_lines.h"
 #include "weft/model/cloth_model.h"
 
-namespace weft {
+namespace weft::diagonals_test {
 namespace {
 
 using testing::crumpled;
@@ -243,4 +243,4 @@ TEST(Diagonals, ForceDerivativeByItsParameters) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::diagonals_test

@@ -11,7 +11,7 @@
 #include "weft/base/random.h"
 #include "weft/model/cloth_model.h"
 
-namespace weft {
+namespace weft::dual_number_test {
 namespace {
 
 using testing::DualVector;
@@ -338,4 +338,4 @@ TEST(DualNumbers, DragAndItsDerivatives) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::dual_number_test

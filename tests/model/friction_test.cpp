@@ -11,7 +11,7 @@
 #include "weft/base/error.h"
 #include "weft/model/material_response.h"
 
-namespace weft {
+namespace weft::friction_test {
 namespace {
 
 using detail::Friction;
@@ -270,4 +270,4 @@ TEST(FrictionModel, WithoutFrictionThereIsNoHistory) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::friction_test

@@ -10,7 +10,7 @@
 #include "weft/base/random.h"
 #include "weft/model/cloth_model.h"
 
-namespace weft {
+namespace weft::hem_test {
 namespace {
 
 using testing::Energy;
@@ -148,4 +148,4 @@ TEST(Hem, AsksForAGridAlongTheThreads) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::hem_test

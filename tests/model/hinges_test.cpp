@@ -11,7 +11,7 @@
 #include "weft/mesh/grid_lines.h"
 #include "weft/model/cloth_model.h"
 
-namespace weft {
+namespace weft::hinges_test {
 namespace {
 
 using testing::crumpled;
@@ -145,4 +145,4 @@ TEST(Hinges, NeedAGrid) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::hinges_test

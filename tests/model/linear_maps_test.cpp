@@ -6,7 +6,7 @@
 #include "weft/base/random.h"
 #include "weft/model/cloth_model.h"
 
-namespace weft {
+namespace weft::linear_maps_test {
 namespace {
 
 using testing::near;
@@ -118,4 +118,4 @@ TEST(ComponentTable, WeightsAndParametersMakeTheEnergy) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::linear_maps_test

@@ -7,7 +7,7 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::material_response_test {
 namespace {
 
 Fabric sheet() {
@@ -155,4 +155,4 @@ TEST(MaterialResponse, RefusesWhatHasNoAnswer) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::material_response_test

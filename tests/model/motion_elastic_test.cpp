@@ -6,7 +6,7 @@
 #include "common/elastic_battery.h"
 #include "weft/model/material_response.h"
 
-namespace weft {
+namespace weft::motion_elastic_test {
 namespace {
 
 constexpr double kSize = 0.02;  // m, edge of a grid cell
@@ -60,4 +60,4 @@ TEST(MotionElastic, TautDiagonalsAddToTheStress) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::motion_elastic_test

@@ -7,7 +7,7 @@
 #include "common/elastic_battery.h"
 #include "weft/base/dense.h"
 
-namespace weft {
+namespace weft::piecewise_linear_test {
 namespace {
 
 using testing::flat_positions;
@@ -143,4 +143,4 @@ TEST(PiecewiseLinear, CylinderHasTheTablesMoment) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::piecewise_linear_test

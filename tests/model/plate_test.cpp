@@ -6,7 +6,7 @@
 
 #include "common/elastic_battery.h"
 
-namespace weft {
+namespace weft::plate_test {
 namespace {
 
 struct Load {
@@ -109,4 +109,4 @@ TEST(Plate, TwistByForcesAtTheCorners) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::plate_test

@@ -6,7 +6,7 @@
 #include "common/elastic_battery.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::stvk_test {
 namespace {
 
 using testing::flat_positions;
@@ -164,4 +164,4 @@ TEST(Stvk, RejectsAFabricWithoutPositiveStiffness) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::stvk_test

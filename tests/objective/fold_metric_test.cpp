@@ -8,7 +8,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::fold_metric_test {
 namespace {
 
 constexpr float kHalfTurn = std::numbers::pi_v<float>;
@@ -92,4 +92,4 @@ TEST(FoldMetric, RefusesFramesOfDifferentSizes) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::fold_metric_test

@@ -9,7 +9,7 @@
 #include "objective/folded_sheet.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::residuals_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -198,4 +198,4 @@ TEST(Residuals, RejectsBadOptions) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::residuals_test

@@ -11,7 +11,7 @@
 #include "weft/fabric/fabric.h"
 #include "weft/model/elastic_model.h"
 
-namespace weft {
+namespace weft::shape_descriptor_test {
 namespace {
 
 constexpr DescriptorKind kAll[] = {DescriptorKind::position, DescriptorKind::strain,
@@ -222,4 +222,4 @@ TEST(ShapeDescriptor, RefusesWhatDoesNotFit) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::shape_descriptor_test

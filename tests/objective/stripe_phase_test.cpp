@@ -9,7 +9,7 @@
 
 #include "objective/folded_sheet.h"
 
-namespace weft {
+namespace weft::stripe_phase_test {
 namespace {
 
 using testing::directions;
@@ -229,4 +229,4 @@ INSTANTIATE_TEST_SUITE_P(Both, PhaseDerivatives,
                                            ResidualOptions::Derivatives::differences));
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::stripe_phase_test

@@ -5,7 +5,7 @@
 #include "optics/rigs.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::pinhole_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -79,4 +79,4 @@ TEST(Pinhole, RejectsWhatIsNoPinhole) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::pinhole_test

@@ -8,7 +8,7 @@
 
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::raster_test {
 namespace {
 
 constexpr int kColumns = 40, kRows = 30;
@@ -86,4 +86,4 @@ TEST(Spans, ASampleOnASharedSideBelongsToOneTriangle) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::raster_test

@@ -10,7 +10,7 @@
 #include "optics/rigs.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::render_test {
 namespace {
 
 using testing::on_plane;
@@ -522,4 +522,4 @@ TEST(Renderer, RejectsBadOptionsAndRigs) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::render_test

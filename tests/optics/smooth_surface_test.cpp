@@ -9,7 +9,7 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::smooth_surface_test {
 namespace {
 
 Points flat_sheet(const TriangleMesh& mesh) {
@@ -125,4 +125,4 @@ TEST(SmoothSurface, RejectsBadArguments) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::smooth_surface_test

@@ -8,7 +8,7 @@
 #include "weft/base/error.h"
 #include "weft/optics/stripe_filter.h"
 
-namespace weft {
+namespace weft::stripes_test {
 namespace {
 
 StripePattern square() { return {StripePattern::Profile::square, 20, 4, 0.05}; }
@@ -98,4 +98,4 @@ TEST(StripeFilter, RejectsPatternsWithoutMeaning) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::stripes_test

@@ -9,7 +9,7 @@
 #include "weft/dynamics/clips.h"
 #include "weft/fabric/orthotropic.h"
 
-namespace weft {
+namespace weft::hung_start_test {
 namespace {
 
 constexpr double kSide = 0.3;  // m
@@ -124,4 +124,4 @@ TEST(HungStarts, TheOneOfLeastCostIsRight) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::hung_start_test

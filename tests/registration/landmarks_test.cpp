@@ -8,7 +8,7 @@
 #include "registration/developable.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::landmarks_test {
 namespace {
 
 using weft::testing::cylinder;
@@ -173,4 +173,4 @@ TEST(FollowPrint, UndoesASlide) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::landmarks_test

@@ -8,7 +8,7 @@
 #include "registration/developable.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::nonrigid_icp_test {
 namespace {
 
 using weft::testing::cone;
@@ -177,4 +177,4 @@ TEST(NonrigidIcp, RefusesWhatDoesNotFit) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::nonrigid_icp_test

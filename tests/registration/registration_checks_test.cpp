@@ -5,7 +5,7 @@
 
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::registration_checks_test {
 namespace {
 
 using ::testing::AllOf;
@@ -83,4 +83,4 @@ TEST(RegistrationChecks, DoubtsAreOfSupportAndStrain) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::registration_checks_test

@@ -15,7 +15,7 @@
 #include "weft/registration/point_tree.h"
 #include "weft/vision/video.h"
 
-namespace weft {
+namespace weft::scan_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -277,4 +277,4 @@ TEST(ScanGeometry, FindsPlanesAndStrays) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::scan_test

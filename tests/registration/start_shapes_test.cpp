@@ -8,7 +8,7 @@
 #include "weft/base/error.h"
 #include "weft/registration/stripe_surface.h"
 
-namespace weft {
+namespace weft::start_shapes_test {
 namespace {
 
 Scene hung_by(const std::vector<std::pair<int, Vec3>>& fixtures) {
@@ -80,4 +80,4 @@ TEST(StartShapes, GenericStartsComeInPairsAndHoldTheFixtures) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::start_shapes_test

@@ -8,7 +8,7 @@
 
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::stripe_edges_test {
 namespace {
 
 constexpr int kRows = 120, kColumns = 40;
@@ -113,4 +113,4 @@ TEST(StripeEdges, RimAndBlankCloth) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::stripe_edges_test

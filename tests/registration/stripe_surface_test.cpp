@@ -14,7 +14,7 @@
 #include "weft/vision/silhouette.h"
 #include "weft/vision/video.h"
 
-namespace weft {
+namespace weft::stripe_surface_test {
 namespace {
 
 using testing::horizontal_fold;
@@ -263,4 +263,4 @@ TEST(FitSurface, FirstFrameOfTheBundledCapture) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::stripe_surface_test

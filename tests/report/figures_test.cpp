@@ -8,12 +8,12 @@
 
 #include "report/sample_report.h"
 
-namespace weft {
+namespace weft::figures_test {
 namespace {
 
 using test::infinity;
 using test::sample_report;
-using testing::ElementsAre;
+using ::testing::ElementsAre;
 
 PlotSeries power_law(double factor, double order) {
   PlotSeries series;
@@ -130,4 +130,4 @@ TEST(Figures, ConvergenceGuidesGoThroughTheFinestPointOfTheNearestSeries) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::figures_test

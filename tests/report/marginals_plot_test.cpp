@@ -7,7 +7,7 @@
 #include "report/xml.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::marginals_plot_test {
 namespace {
 
 std::size_t count(const std::string& text, const std::string& word) {
@@ -56,4 +56,4 @@ TEST(MarginalsPlot, AConstantIsDrawnAndNothingIsRefused) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::marginals_plot_test

@@ -7,11 +7,11 @@
 
 #include "weft/report/report_html.h"
 
-namespace weft {
+namespace weft::mechanical_report_test {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 ReportMechanical stretch() {
   ReportMechanical capture;
@@ -257,20 +257,20 @@ TEST(ReportHtml, WhatWasFoundOfTestsHasItsTables) {
   mechanical.responses = {loop()};
   std::string page = report_to_html(report, {}, mechanical);
   EXPECT_THAT(row_of(page.substr(page.find("Friction of the cords")), "pull"),
-              testing::AllOf(HasSubstr("0.250 N"), HasSubstr("0.200 to 0.310 N")));
-  EXPECT_THAT(row_of(page, "E_u"), testing::AllOf(HasSubstr("123"), HasSubstr("111 to 134")));
-  EXPECT_THAT(row_of(page, "b"), testing::AllOf(HasSubstr("–"), HasSubstr("N·m")));
+              ::testing::AllOf(HasSubstr("0.250 N"), HasSubstr("0.200 to 0.310 N")));
+  EXPECT_THAT(row_of(page, "E_u"), ::testing::AllOf(HasSubstr("123"), HasSubstr("111 to 134")));
+  EXPECT_THAT(row_of(page, "b"), ::testing::AllOf(HasSubstr("–"), HasSubstr("N·m")));
   const std::string stages = page.substr(page.find("<h3>Stages"));
   EXPECT_THAT(row_of(stages, "shear"),
-              testing::AllOf(HasSubstr("pull, tear"), HasSubstr("40.0"), HasSubstr("3.50"),
-                             HasSubstr("3.60"), Not(HasSubstr("not kept"))));
+              ::testing::AllOf(HasSubstr("pull, tear"), HasSubstr("40.0"), HasSubstr("3.50"),
+                               HasSubstr("3.60"), Not(HasSubstr("not kept"))));
   EXPECT_THAT(row_of(stages, "weft bend"), HasSubstr("not kept"));
   EXPECT_NE(page.find("Internal friction makes loops"), std::string::npos);
 
   capture.cord_friction->determined = false;
   page = report_to_html(report, {}, mechanical);
   EXPECT_THAT(row_of(page.substr(page.find("Friction of the cords")), "pull"),
-              testing::AllOf(HasSubstr("not determined"), Not(HasSubstr("0.310"))));
+              ::testing::AllOf(HasSubstr("not determined"), Not(HasSubstr("0.310"))));
 }
 
 TEST(ReportHtml, ScansHaveTheirClampsAndRegistrations) {
@@ -284,12 +284,12 @@ TEST(ReportHtml, ScansHaveTheirClampsAndRegistrations) {
   const std::string page = report_to_html(report, {}, mechanical);
   const std::string clamps = page.substr(page.find("Forces of the clamps"));
   EXPECT_THAT(row_of(clamps, "frame"),
-              testing::AllOf(HasSubstr("left"), HasSubstr("1.50 N"), HasSubstr("0.02 N"),
-                             HasSubstr("1.25 N"), HasSubstr("−0.25 N")));
+              ::testing::AllOf(HasSubstr("left"), HasSubstr("1.50 N"), HasSubstr("0.02 N"),
+                               HasSubstr("1.25 N"), HasSubstr("−0.25 N")));
   EXPECT_THAT(clamps.substr(0, clamps.find("</table>")), HasSubstr("0.750 N"));
   EXPECT_THAT(row_of(page.substr(page.find("raw scans")), "frame"),
-              testing::AllOf(HasSubstr("4000 of 5000"), HasSubstr("0.100 mm"),
-                             HasSubstr("0.700 mm"), HasSubstr("5 of 200 (2.5 %)")));
+              ::testing::AllOf(HasSubstr("4000 of 5000"), HasSubstr("0.100 mm"),
+                               HasSubstr("0.700 mm"), HasSubstr("5 of 200 (2.5 %)")));
 }
 
 // One rigidity in three rows is one number that was searched.
@@ -320,4 +320,4 @@ TEST(ReportHtml, TiedParametersCountOnce) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::mechanical_report_test

@@ -11,7 +11,7 @@
 #include "report/sample_report.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::pictures_test {
 namespace {
 
 constexpr float kPi = std::numbers::pi_v<float>;
@@ -151,7 +151,7 @@ TEST(Pictures, PngKeepsEveryPixelAndJpegNearly) {
   EXPECT_THROW(encode_png({}), Error);
 }
 
-class PictureFiles : public testing::Test {
+class PictureFiles : public ::testing::Test {
  protected:
   test::TemporaryFolder temporary_;
   std::filesystem::path folder_ = temporary_.path();
@@ -214,4 +214,4 @@ TEST(Pictures, ViewOfAFrameIsCroppedAndShrunk) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::pictures_test

@@ -14,12 +14,12 @@
 #include "report/xml.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::plot_test {
 namespace {
 
 using test::XmlElement;
 using test::XmlReader;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 const double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -461,7 +461,7 @@ TEST(ColourMaps, LinesStandOutFromWhite) {
   }
 }
 
-class PlotFiles : public testing::Test {
+class PlotFiles : public ::testing::Test {
  protected:
   std::string read(const std::string& name) const {
     std::ifstream file(folder_ / name);
@@ -540,4 +540,4 @@ TEST_F(PlotFiles, UnwritableFilesAreNamed) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::plot_test

@@ -12,13 +12,13 @@
 #include "weft/report/figures.h"
 #include "weft/report/text.h"
 
-namespace weft {
+namespace weft::report_html_test {
 namespace {
 
 using test::sample_pictures;
 using test::sample_report;
 using test::XmlReader;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 std::vector<std::string> matches(const std::string& text, const std::string& pattern,
                                  int group = 1) {
@@ -191,4 +191,4 @@ TEST(ReportHtml, ViewerHoldsEveryPictureOfEveryFrame) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::report_html_test

@@ -7,14 +7,14 @@
 
 #include "report/sample_report.h"
 
-namespace weft {
+namespace weft::report_test {
 namespace {
 
 using test::infinity;
 using test::sample_report;
-using testing::Contains;
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 /// A report that gives no cause for warnings.
 Report sound_report() {
@@ -112,4 +112,4 @@ TEST(ReportWarnings, CapturesWithGuessedStartsAndPoorValidation) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::report_test

@@ -12,13 +12,13 @@
 #include "report/sample_report.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::result_test {
 namespace {
 
 using nlohmann::json;
 using test::infinity;
 using test::sample_report;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 std::string error_of(const std::string& text) {
   try {
@@ -220,4 +220,4 @@ TEST(Result, FilesAreWrittenAndRead) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::result_test

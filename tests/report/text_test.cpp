@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace weft {
+namespace weft::text_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -93,4 +93,4 @@ TEST(Text, Base64TestVectorsOfRfc4648) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::text_test

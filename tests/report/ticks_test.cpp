@@ -8,7 +8,7 @@
 
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::ticks_test {
 namespace {
 
 double number_in(std::string label) {
@@ -113,4 +113,4 @@ TEST(LogTicks, LinearOverLessThanHalfADecade) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::ticks_test

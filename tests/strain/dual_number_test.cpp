@@ -15,7 +15,7 @@
 #include "weft/strain/stretch.h"
 #include "weft/strain/triangle_curvature.h"
 
-namespace weft {
+namespace weft::dual_number_test {
 namespace {
 
 using testing::differentiate;
@@ -196,4 +196,4 @@ TEST(DualNumbers, TriangleCurvature) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::dual_number_test

@@ -11,7 +11,7 @@
 #include "weft/strain/shear.h"
 #include "weft/strain/stretch.h"
 
-namespace weft {
+namespace weft::strain_test {
 namespace {
 
 using testing::near;
@@ -243,4 +243,4 @@ TEST(DihedralAngle, CrushedTrianglesStayFinite) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::strain_test

@@ -10,7 +10,7 @@
 #include "weft/base/error.h"
 #include "weft/base/random.h"
 
-namespace weft {
+namespace weft::angle_map_test {
 namespace {
 
 using testing::Grating;
@@ -321,4 +321,4 @@ TEST(GradientMask, LeavesOutPlanarAndUndefinedParts) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::angle_map_test

@@ -16,7 +16,7 @@
 #include "weft/mesh/mesh_io.h"
 #include "weft/vision/video.h"
 
-namespace weft {
+namespace weft::silhouette_test {
 namespace {
 
 constexpr int kWidth = 320, kHeight = 240;
@@ -227,4 +227,4 @@ TEST(Silhouette, OfTheBundledCaptureMatchesItsTrueSurface) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::silhouette_test

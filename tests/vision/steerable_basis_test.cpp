@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace weft::detail {
+namespace weft::detail::steerable_basis_test {
 namespace {
 
 /// A whole row of taps, n = -radius .. radius.
@@ -71,4 +71,4 @@ TEST(GaussianTaps, HaveUnitSumAndTheVariance) {
 }
 
 }  // namespace
-}  // namespace weft::detail
+}  // namespace weft::detail::steerable_basis_test

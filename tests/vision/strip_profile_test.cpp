@@ -10,7 +10,7 @@
 #include "weft/base/error.h"
 #include "weft/vision/video.h"
 
-namespace weft {
+namespace weft::strip_profile_test {
 namespace {
 
 constexpr int kRows = 300, kColumns = 400;
@@ -76,4 +76,4 @@ TEST(GreyImage, IsReadAsItIs) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::strip_profile_test

@@ -13,7 +13,7 @@
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
 
-namespace weft {
+namespace weft::video_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -136,4 +136,4 @@ TEST_F(Video, WritingToNowhereFails) {
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::video_test

@@ -2,7 +2,9 @@
 /// The few types that every module shares.
 #include <Eigen/Core>
 #include <Eigen/SparseCore>
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 
 namespace weft {
 
@@ -16,6 +18,11 @@ using MatX = Eigen::MatrixXd;
 using Points = Eigen::Matrix3Xd;
 /// (u, v) on the undeformed fabric: 2 x n, m.
 using MaterialPoints = Eigen::Matrix2Xd;
+
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// What Eigen and stencils count in int, as the standard library indexes. Not negative.
+inline std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
 /// Derivatives by up to this many parameters are computed side by side.
 inline constexpr int kDirections = 16;

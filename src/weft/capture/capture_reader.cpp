@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <limits>
 #include <map>
 #include <set>
 
@@ -13,7 +12,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr Range kAnyNumber{-kInfinity, kInfinity};
 
 /// Reads capture.toml from top to bottom into a Capture.

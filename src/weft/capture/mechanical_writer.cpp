@@ -20,8 +20,6 @@ constexpr std::array<std::string_view, 3> kForce{"fx", "fy", "fz"};
 constexpr std::string_view kTension = "tension";
 constexpr std::array<std::string_view, 4> kRegion{"u0", "v0", "u1", "v1"};
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
 std::string rectangle(const MaterialRectangle& r) {
   return fmt::format("[[{}, {}], [{}, {}]]", r.lower.x(), r.lower.y(), r.upper.x(), r.upper.y());
 }

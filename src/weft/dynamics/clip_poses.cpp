@@ -9,8 +9,6 @@ namespace {
 
 constexpr double kSmallTurn = 1e-4;  // rad, below which series serve
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
 Mat3 cross_matrix(const Vec3& a) {
   Mat3 m;
   m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;

@@ -15,8 +15,6 @@ namespace {
 constexpr double kOnBorder = 1e-7;       // m
 constexpr double kLeastDistance = 1e-6;  // m, of a point from a clip, for its weight
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
 bool MaterialRectangle::contains(const Vec2& uv) const {

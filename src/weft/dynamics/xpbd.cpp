@@ -22,8 +22,6 @@ constexpr int kMostRestarts = 8;
 constexpr double kFurthest = 100;      // times the size of the swatch: the iteration has diverged
 constexpr double kLargestForce = 1e3;  // times the largest at the start and all that acts: likewise
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 double dot(const Record& a, const Record& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 void add(Record& to, double factor, const Record& a) {

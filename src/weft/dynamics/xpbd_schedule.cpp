@@ -5,12 +5,6 @@
 #include <numeric>
 
 namespace weft::xpbd {
-namespace {
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-}  // namespace
-
 SlabOrder slab_order(const TriangleMesh& mesh, int vertices_per_slab) {
   const int n = mesh.vertex_count();
   const Vec2 lower = mesh.material.rowwise().minCoeff();

@@ -11,8 +11,6 @@ constexpr int kBendParameter = 4;
 constexpr double kLightness = 16;
 constexpr double kJacobiLightness = 2;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 /// l^2 / (A_1 + A_2) of a hinge.
 double hinge_weight(const TriangleMesh& mesh, const Hinge& hinge) {
   const auto point = [&](std::size_t i) -> Vec2 { return mesh.material.col(hinge.vertices[i]); };

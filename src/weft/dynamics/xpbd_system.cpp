@@ -3,12 +3,6 @@
 #include "weft/base/parallel.h"
 
 namespace weft::xpbd {
-namespace {
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-}  // namespace
-
 System::System(const TriangleMesh& mesh, const VecX& inverse_masses, int threads,
                int vertices_per_slab)
     : order_(slab_order(mesh, vertices_per_slab)), scheduler_(order_) {

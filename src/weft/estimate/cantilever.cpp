@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "weft/base/dense.h"
@@ -14,7 +13,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kSteepestClamp = 80 * std::numbers::pi / 180;
 constexpr Eigen::Index kLeastPoints = 8;
 constexpr double kLongest = 10;  // m

@@ -21,8 +21,6 @@ constexpr std::array<std::string_view, 6> kStvk{"membrane_uu", "membrane_vv", "m
                                                 "bend_uu",     "bend_vv",     "bend_twist"};
 constexpr int kStretches = 2;  // the first components, whose sign matters
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
 int component_of(const Fabric& fabric, std::string_view row) {
   const auto& names = fabric.model == "stvk" ? kStvk : kThreads;
   const auto found = std::find(names.begin(), names.end(), row);

@@ -11,8 +11,6 @@ namespace {
 constexpr double kStanding = 5;
 constexpr double kTold = 2;  // of the least way: the longest one in a piece whose ways can be told
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
 using Frames = std::vector<Clip>;
 
 /// Clips that move together: 3 clips x frames.

@@ -20,7 +20,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Of the start, where that has no equilibrium.
 constexpr std::array<double, 5> kFactors{1, 10, 0.1, 100, 0.01};
 constexpr double kNoWeight = 1e-9;  // of a control value in a band

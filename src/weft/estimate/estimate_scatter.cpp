@@ -7,7 +7,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kManyDegrees = 1e6;  // of freedom: the normal distribution
 constexpr double kLeastLost = 1e-6;   // share of a parameter that no part determines
 

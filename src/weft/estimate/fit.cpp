@@ -19,8 +19,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 class Fit {
  public:
   Fit(const Problem& problem, const FitOptions& options, EvaluationStore* store,

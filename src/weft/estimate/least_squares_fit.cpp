@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <limits>
 #include <mutex>
 #include <numeric>
 
@@ -19,7 +18,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Of the error of the candidates: dents of one way are 2 to 5 % deep.
 constexpr double kAnotherWay = 0.9;
 

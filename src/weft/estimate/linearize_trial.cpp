@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include "weft/base/clock.h"
@@ -15,8 +14,6 @@
 
 namespace weft {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Frames of one trial, compared or linearized.
 struct TrialFrames {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "weft/base/clock.h"
 #include "weft/base/error.h"
@@ -19,7 +18,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
 /// deviation off costs 1.
 constexpr double kEnoughReduction = 0.01;
@@ -30,8 +28,6 @@ constexpr int kMostSearches = 8;
 constexpr double kSameWeight = 1.01;  // of the priors
 /// Pieces of a single shape, and points of one: residuals of neighbours depend on each other.
 constexpr Eigen::Index kMostPieces = 8, kLeastPiece = 2;
-
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
 void check(const MechanicalCostOptions& options) {
   if (!(options.force_noise > 0) || !std::isfinite(options.force_noise))

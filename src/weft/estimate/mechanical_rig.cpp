@@ -26,8 +26,6 @@ constexpr double kBarMass = 2e-3;          // kg, of a loaded bar
 constexpr double kLargestResidual = 1e-5;  // N, as of a fit
 constexpr double kLeastWay = 1e-9;         // m, of a clip that counts as moving
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
 struct TestName {
   RigTest test;
   std::string_view name;

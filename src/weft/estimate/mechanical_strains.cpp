@@ -14,8 +14,6 @@
 namespace weft {
 namespace {
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 /// A frame's share of the samples, rigid pieces left out.
 class Sampler {
  public:

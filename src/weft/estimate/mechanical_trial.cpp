@@ -21,8 +21,6 @@ constexpr double kClampStrip = 0.02;   // of a cell
 constexpr double kDeepestStrip = 0.4;  // of a clip's depth
 constexpr double kSameLine = 1e-7;     // m
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
 std::vector<MaterialRectangle> regions_of(const std::vector<Clip>& clips) {
   std::vector<MaterialRectangle> regions;
   for (const Clip& clip : clips) regions.push_back(clip.region);

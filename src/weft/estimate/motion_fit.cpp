@@ -15,13 +15,11 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kOffMesh = 1e-9;  // m
 constexpr double kSameDispersion = 1.05;
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-Eigen::Index at(std::size_t i) { return static_cast<Eigen::Index>(i); }
+Eigen::Index row(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
 ParameterInfo delay_info(const MotionUnknowns& unknowns) {
   return {"delay",
@@ -45,7 +43,7 @@ HermiteWeights hermite(const std::vector<double>& nodes, double time) {
   HermiteWeights w;
   if (nodes.size() < 2 || time <= nodes.front()) return w;
   const auto after = std::upper_bound(nodes.begin(), nodes.end(), time);
-  w.first = std::min(at(after - nodes.begin()) - 1, nodes.size() - 2);
+  w.first = std::min(at(after - nodes.begin() - 1), nodes.size() - 2);
   const double h = nodes[w.first + 1] - nodes[w.first], s = (time - nodes[w.first]) / h;
   w.x0 = 1 + s * s * (2 * s - 3);
   w.x1 = 1 - w.x0;
@@ -59,9 +57,9 @@ HermiteWeights hermite(const std::vector<double>& nodes, double time) {
 }
 
 /// The tracked points on the simulated surface.
-class Sampler {
+class MotionSampler {
  public:
-  Sampler(const TriangleMesh& mesh, const MaterialPoints& uv) : mesh_(mesh) {
+  MotionSampler(const TriangleMesh& mesh, const MaterialPoints& uv) : mesh_(mesh) {
     const MaterialLocator locator(mesh);
     for (Eigen::Index p = 0; p < uv.cols(); ++p) hits_.push_back(locator.locate(uv.col(p)));
   }
@@ -73,7 +71,7 @@ class Sampler {
                          w.v1 * motion.velocities[w.first + 1]));
   }
   Points velocities(const Trajectory& motion, const HermiteWeights& w) const {
-    if (w.x0 == 1 && w.dv0 == 0) return Points::Zero(3, at(hits_.size()));
+    if (w.x0 == 1 && w.dv0 == 0) return Points::Zero(3, row(hits_.size()));
     return sample(Points(w.dx0 * motion.frames[w.first] + w.dv0 * motion.velocities[w.first] +
                          w.dx1 * motion.frames[w.first + 1] +
                          w.dv1 * motion.velocities[w.first + 1]));
@@ -87,17 +85,17 @@ class Sampler {
 
  private:
   Points sample(const Points& x) const {
-    Points out = Points::Zero(3, at(hits_.size()));
+    Points out = Points::Zero(3, row(hits_.size()));
     for (std::size_t p = 0; p < hits_.size(); ++p)
       for (std::size_t k = 0; k < 3; ++k)
-        out.col(at(p)) += hits_[p].barycentric[at(k)] * x.col(corner(p, k));
+        out.col(row(p)) += hits_[p].barycentric[at(k)] * x.col(corner(p, k));
     return out;
   }
   Directions sample(const Directions& x) const {
-    Directions out = Directions::Zero(at(3 * hits_.size()), kDirections);
+    Directions out = Directions::Zero(row(3 * hits_.size()), kDirections);
     for (std::size_t p = 0; p < hits_.size(); ++p)
       for (std::size_t k = 0; k < 3; ++k)
-        out.middleRows<3>(at(3 * p)) +=
+        out.middleRows<3>(row(3 * p)) +=
             hits_[p].barycentric[at(k)] * x.middleRows<3>(3 * corner(p, k));
     return out;
   }
@@ -155,7 +153,7 @@ void check_sizes(const std::string& name, const MotionTracks& tracks) {
 MotionTracks frames_of(const MotionTracks& tracks, std::size_t first, std::size_t last) {
   const auto part = [&](const auto& all) {
     using List = std::remove_cvref_t<decltype(all)>;
-    return List(all.begin() + at(first), all.begin() + at(last));
+    return List(all.begin() + row(first), all.begin() + row(last));
   };
   return {tracks.uv, part(tracks.times), part(tracks.position), part(tracks.normal),
           part(tracks.weight)};
@@ -218,8 +216,8 @@ void MotionProblem::add_unknowns() {
   prior_mean_ = VecX::Zero(dimension());
   prior_precision_ = VecX::Zero(dimension());
   const auto set = [&](std::size_t i, const ScaledPrior& prior) {
-    prior_mean_[at(i)] = prior.mean;
-    prior_precision_[at(i)] = 1 / (prior.deviation * prior.deviation);
+    prior_mean_[row(i)] = prior.mean;
+    prior_precision_[row(i)] = 1 / (prior.deviation * prior.deviation);
   };
   for (const ParameterPrior& prior : unknowns_.priors)
     for (std::size_t i = 0; i < indices_.size(); ++i)
@@ -271,20 +269,20 @@ VecX MotionProblem::scaled(const Fabric& fabric) const {
 Fabric MotionProblem::fabric(const VecX& scaled) const {
   Fabric fabric = fabric_;
   for (std::size_t i = 0; i < indices_.size(); ++i)
-    fabric.values[indices_[i]] = from_scaled(infos_[i], scaled[at(i)]);
+    fabric.values[indices_[i]] = from_scaled(infos_[i], scaled[row(i)]);
   return fabric;
 }
 
 double MotionProblem::delay(const VecX& scaled) const {
   if (!unknowns_.delay) return unknowns_.delay_initial;
-  return from_scaled(infos_[indices_.size()], scaled[at(indices_.size())]);
+  return from_scaled(infos_[indices_.size()], scaled[row(indices_.size())]);
 }
 
 MotionExperiment MotionProblem::experiment(std::size_t trial, const VecX& scaled) const {
   MotionExperiment experiment = trials_[trial].experiment;
   const std::size_t first = infos_.size() - unknowns_.scene.size();
   for (std::size_t i = 0; i < unknowns_.scene.size(); ++i)
-    unknowns_.scene[i].apply(from_scaled(infos_[first + i], scaled[at(first + i)]), experiment);
+    unknowns_.scene[i].apply(from_scaled(infos_[first + i], scaled[row(first + i)]), experiment);
   return experiment;
 }
 
@@ -303,7 +301,7 @@ std::vector<MotionFrames> MotionProblem::simulate(const VecX& scaled,
     out[t].diverged = motion.diverged;
     out[t].divergence = motion.divergence;
     if (motion.diverged) return;
-    const Sampler sampler(e.scene.mesh, tracks.uv);
+    const MotionSampler sampler(e.scene.mesh, tracks.uv);
     for (const double time : tracks.times)
       out[t].position.push_back(
           sampler.positions(motion, hermite(e.scene.frame_times, time - delay)));
@@ -391,12 +389,12 @@ MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const 
     out.diverged = motion.trajectory.diverged;
     out.inexact = motion.sensitivities.inexact;
     if (out.diverged) return;
-    const Sampler sampler(e.scene.mesh, tracks.uv);
+    const MotionSampler sampler(e.scene.mesh, tracks.uv);
     for (const double time : tracks.times) {
       const HermiteWeights w = hermite(e.scene.frame_times, time - delay);
       out.position.push_back(sampler.positions(motion.trajectory, w));
       MatX jacobian = MatX::Zero(3 * tracks.uv.cols(), n);
-      const Eigen::Index own = at(indices_.size());
+      const Eigen::Index own = row(indices_.size());
       if (own > 0)
         jacobian.leftCols(own) = sampler.derivatives(motion.sensitivities, w).leftCols(own) *
                                  slopes.head(own).asDiagonal();
@@ -415,7 +413,7 @@ MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const 
     const std::size_t i = (task - trials_.size()) / 2;
     const bool forward = (task - trials_.size()) % 2 == 0;
     VecX moved = scaled;
-    moved[at(scene_first + i)] += forward ? unknowns_.scene[i].step : -unknowns_.scene[i].step;
+    moved[row(scene_first + i)] += forward ? unknowns_.scene[i].step : -unknowns_.scene[i].step;
     (forward ? ahead : behind)[i] = simulate(moved);
   });
 
@@ -435,7 +433,7 @@ MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const 
       MatX& jacobian = frames[t].jacobian[k];
       for (std::size_t i = 0; i < others; ++i) {
         const Points difference = ahead[i][t].position[k] - behind[i][t].position[k];
-        jacobian.col(at(scene_first + i)) = flat(difference) / (2 * unknowns_.scene[i].step);
+        jacobian.col(row(scene_first + i)) = flat(difference) / (2 * unknowns_.scene[i].step);
       }
       CostPart part{t, static_cast<int>(k), VecX::Zero(n), MatX::Zero(n, n), 1 / residual_count_};
       result.model.cost +=
@@ -544,7 +542,7 @@ MotionDistance summary(std::vector<double> distances) {
     out.rms += d * d / static_cast<double>(distances.size());
   }
   out.rms = std::sqrt(out.rms);
-  const auto middle = distances.begin() + at(distances.size() / 2);
+  const auto middle = distances.begin() + row(distances.size() / 2);
   std::nth_element(distances.begin(), middle, distances.end());
   out.median = *middle;
   return out;

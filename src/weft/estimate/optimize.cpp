@@ -15,8 +15,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 /// A NaN is an evaluation that went wrong, as much as a simulation that diverged.
 double sanitized(double error) { return std::isnan(error) ? kInfinity : error; }
 

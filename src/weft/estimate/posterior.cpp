@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "weft/base/dense.h"
 #include "weft/base/error.h"
@@ -13,7 +12,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kStretch = 2;            // a of the stretch move
 constexpr double kLargestCost = 20;       // exp(-20) is no density
 constexpr std::size_t kMostPoints = 400;  // the correction costs their number each time

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <optional>
 
@@ -19,7 +18,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kBalancePasses = 4;
 constexpr double kSameScale = 1.01;  // of a target's noise, of the priors' weight
 /// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
@@ -29,8 +27,6 @@ constexpr int kEnoughSteps = 2;
 constexpr double kLeastPoisson = 0.02, kMostPoisson = 0.45;  // of a random start
 /// A force whose direction is not known within itself has no magnitude to differentiate.
 constexpr double kLeastForce = 1e-12;  // N
-
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
 double mean_square(const VecX& r) { return r.size() ? r.squaredNorm() / double(r.size()) : 0; }
 

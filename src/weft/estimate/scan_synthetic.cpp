@@ -19,8 +19,6 @@ namespace {
 constexpr double kBarStiffness = 1e5;  // N/m, of a spring between two vertices of a free bar
 constexpr double kStandardGravity = 9.81;
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
 /// Heavy cloth with forces on vertices and springs that make free bars rigid.
 class PulledCloth final : public StaticPotential {
  public:

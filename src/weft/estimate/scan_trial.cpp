@@ -20,8 +20,6 @@ constexpr double kSamePlace = 1e-7;     // m
 constexpr double kEqualSpacing = 1e-4;  // of a cell
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
-
 /// Lines of a grid.
 struct Lines {
   std::vector<double> u, v;

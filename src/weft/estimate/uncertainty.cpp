@@ -14,7 +14,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Eigenvalues of a matrix below this part of the largest one are rounding.
 constexpr double kRounding = 1e-13;
 constexpr double kLargestCondition = 1e12;

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include "weft/base/dense.h"
@@ -17,7 +16,6 @@
 namespace weft {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// The rise of the outermost errors that is sought, and what is accepted.
 constexpr double kWantedRise = 0.015, kSmallRise = 0.0075, kLargeRise = 0.05;
 

@@ -25,8 +25,6 @@ constexpr Range kArealDensity{1e-3, 100};  // kg/m^2
 constexpr Range kPriorFactor{least_prior_factor, most_prior_factor};
 constexpr double kHuge = 1e12;  // of any unit: catches typing errors only
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 /// `key`: a number for all control values, or an array with one for each.
 VecX read_range(const TomlTable& table, std::string_view key, Range valid, double standard,
                 Eigen::Index count) {

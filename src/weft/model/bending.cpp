@@ -14,8 +14,6 @@ namespace {
 
 constexpr double kLeastTwistFactor = 0.25;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 /// (n_u^2, n_v^2, sqrt(2) n_u n_v): n n^T as a vector with the same norm.
 Vec3 squared(const Vec2& n) {
   return {n.x() * n.x(), n.y() * n.y(), std::numbers::sqrt2 * n.x() * n.y()};

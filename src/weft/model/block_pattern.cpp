@@ -3,12 +3,6 @@
 #include <algorithm>
 
 namespace weft::detail {
-namespace {
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-}  // namespace
-
 BlockPattern::BlockPattern(int vertex_count) : rows_(at(vertex_count)) {
   for (int v = 0; v < vertex_count; ++v) rows_[at(v)].push_back(v);
 }

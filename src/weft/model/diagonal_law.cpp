@@ -7,8 +7,6 @@ namespace {
 
 using Curves = std::array<StiffnessCurve, 3>;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 /// A curve over the magnitude of a strain: energy and tangent are even, the stress is odd.
 StiffnessCurve::Response over_magnitude(const StiffnessCurve& curve, double c) {
   StiffnessCurve::Response r = curve.respond(std::abs(c));

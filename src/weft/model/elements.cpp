@@ -5,8 +5,6 @@
 namespace weft::detail {
 namespace {
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 BlockPattern make_pattern(const TriangleMesh& mesh, const std::vector<BendingElement>& bending,
                           const std::vector<HingeElement>& hinges,
                           const std::vector<DiagonalElement>& diagonals) {

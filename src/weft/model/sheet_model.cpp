@@ -12,8 +12,6 @@
 namespace weft::detail {
 namespace {
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 using Mat2 = Eigen::Matrix2d;
 using Mat63 = Eigen::Matrix<double, 6, 3>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;

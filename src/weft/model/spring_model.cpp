@@ -21,8 +21,6 @@ constexpr double kAngleTolerance = 1e-6;  // of the length of an edge
 
 using Spring = SpringModel::Spring;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 /// An edge or the other diagonal of a cell, with the area of its triangles.
 struct Link {
   Component component;

@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <complex>
-#include <limits>
 #include <numbers>
 
 #include "weft/base/error.h"
@@ -22,8 +21,6 @@ constexpr int kMaterial = 8;  // values of "stvk" that the energy depends on
 /// A noise below this part of the largest is an entry that the shape hardly moves: it would weigh
 /// without bound.
 constexpr double kLeastNoise = 1e-3;
-
-std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }
 
 constexpr std::pair<DescriptorKind, std::string_view> kNames[] = {
     {DescriptorKind::position, "position"},

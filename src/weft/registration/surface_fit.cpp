@@ -57,7 +57,7 @@ constexpr std::array<Stage, 4> sagging = {{
 }};
 // The candidates are compared after these stages, which end alike: still stiff, the sheet shows by
 // its elastic energy where a fold is on the wrong side. The best one goes on.
-constexpr std::array<Stage, 2> finish = {{
+constexpr std::array<Stage, 2> last_stages = {{
     {0.010, 0.015, 250, 5e-5, 6, 2},
     {0.005, 0.015, 250, 5e-5, 6, 2},
 }};
@@ -356,7 +356,7 @@ void SurfaceFitter::associate_contour(const Points& x, const Stage& stage) {
   const Points& image = visible_.image();
   const double stiffness = weight_ / stage.give * contour_strip * pixel_size_;
   for (const ContourPoint& point : contour_) {
-    double least = std::numeric_limits<double>::infinity();
+    double least = kInfinity;
     const RimEdge* nearest = nullptr;
     double share = 0;
     for (const RimEdge& edge : rim_) {
@@ -407,7 +407,7 @@ void SurfaceFitter::keep_inside(const Points& x, const Stage& stage) {
       const Vec2 pixel = image.col(v).head<2>();
       if (inside_silhouette(pixel)) continue;
       const ContourPoint* nearest = nullptr;
-      double least = std::numeric_limits<double>::infinity();
+      double least = kInfinity;
       for (const ContourPoint& point : contour_) {
         const double distance = (point.pixel - pixel).squaredNorm();
         if (distance < least) {
@@ -604,14 +604,14 @@ SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const
     return result;
   }
   SurfaceFitter fitter(points, silhouette, rig, scene);
-  double least = std::numeric_limits<double>::infinity();
+  double least = kInfinity;
   for (Beginning& beginning : beginnings(scene)) {
     const double energy = fitter.anneal(beginning.x, beginning.stages);
     if (!(energy < least)) continue;
     least = energy;
     result.x = std::move(beginning.x);
   }
-  fitter.anneal(result.x, finish);
+  fitter.anneal(result.x, last_stages);
   std::vector<double> distances = fitter.distances(result.x, result.support);
   std::erase_if(distances, [](double distance) { return std::isnan(distance); });
   result.residual_median = quantile(distances, 0.5);

@@ -11,9 +11,7 @@
 namespace weft {
 namespace {
 
-constexpr double kMillimetres = 1000;
 constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Stretches of frames of one kind; edges half way between frames.
 std::vector<PlotRegion> validation_regions(const ReportCapture& capture, bool in_seconds) {

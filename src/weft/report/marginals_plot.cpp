@@ -14,7 +14,7 @@
 namespace weft {
 namespace {
 
-constexpr double kGap = 8, kTitle = 30, kLabels = 62, kFontSize = 11, kPlotMargin = 16;
+constexpr double kPanelGap = 8, kTitle = 30, kLabels = 62, kFontSize = 11, kPlotMargin = 16;
 constexpr int kBars = 24, kCells = 18;
 constexpr double kLeftOut = 0.005;  // of the samples, at either end
 
@@ -169,10 +169,10 @@ std::string to_svg(const MarginalsPlot& plot, double margin) {
   svg.text(0, 16, "class=\"title\" font-size=\"15\" font-weight=\"600\" fill=\"#16191d\"",
            plot.title);
   for (std::size_t row = 0; row < axes.size(); ++row) {
-    const double top = kTitle + double(row) * (side + kGap);
+    const double top = kTitle + double(row) * (side + kPanelGap);
     svg.text(left - 8, top + side / 2 + 4, text_style("end", kFontSize), axes[row].name);
     for (std::size_t column = 0; column <= row; ++column) {
-      const Panel at{left + double(column) * (side + kGap), top, side};
+      const Panel at{left + double(column) * (side + kPanelGap), top, side};
       svg.open(fmt::format("class=\"panel {}\"", row == column ? "histogram" : "pair"));
       if (row == column)
         draw_histogram(svg, axes[row], at, ink);
@@ -185,8 +185,8 @@ std::string to_svg(const MarginalsPlot& plot, double margin) {
     }
   }
   const auto count = double(axes.size());
-  const double width = left + count * (side + kGap) + 20;
-  const double height = kTitle + count * (side + kGap) + kLabels;
+  const double width = left + count * (side + kPanelGap) + 20;
+  const double height = kTitle + count * (side + kPanelGap) + kLabels;
   return svg.document(std::max(width, text_width(plot.title, 15)), height, margin, plot.title,
                       fmt::format("data-parameters=\"{}\"", axes.size()));
 }

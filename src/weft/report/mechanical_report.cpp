@@ -14,7 +14,6 @@
 namespace weft {
 namespace {
 
-constexpr double kMillimetres = 1000;
 /// Of a cycle.
 constexpr std::array<const char*, 3> kBranches{"from rest", "unloading", "loading"};
 

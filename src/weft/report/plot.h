@@ -10,6 +10,9 @@
 
 namespace weft {
 
+/// Lengths are shown in mm: what those in m are multiplied by.
+inline constexpr double kMillimetres = 1000;
+
 /// Plots as SVG (vector, selectable text, light background, colours that colour-blind readers tell
 /// apart) with the data behind each as CSV. Made to be read at 700 px width. Every element carries
 /// a class, so that a page may restyle a plot that it holds inline.

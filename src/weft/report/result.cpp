@@ -19,7 +19,6 @@ using Json = nlohmann::ordered_json;
 constexpr int kVersion = 1;
 /// In the order of ReportParameter::Scale.
 constexpr std::string_view kScaleNames[] = {"linear", "logarithmic", "shifted-logarithmic"};
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // ---- Writing
 
