@@ -34,7 +34,7 @@ struct PosteriorArguments {
   TrialArguments trial;
 };
 
-const std::vector<std::string>& names_of(const EstimateOfFit& e) {
+const std::vector<std::string>& parameter_names(const EstimateOfFit& e) {
   return e.report.certainty->parameters;
 }
 
@@ -56,7 +56,7 @@ LikelihoodSurrogate surrogate_of(const EstimateOfFit& e, const std::filesystem::
   std::vector<LikelihoodPoint> points;
   const std::filesystem::path store = folder / "evaluations.sqlite";
   if (e.at_rest.is_null() && std::filesystem::exists(store)) {
-    for (const StoredPoint& stored : read_evaluations(store, names_of(e))) {
+    for (const StoredPoint& stored : read_evaluations(store, parameter_names(e))) {
       LikelihoodPoint point{VecX(stored.values.size()),
                             (stored.error - e.report.error) / e.dispersion};
       for (Eigen::Index i = 0; i < point.x.size(); ++i)
@@ -77,7 +77,7 @@ class TrueCost {
     for (const ReportCapture& capture : e.report.captures)
       trials.push_back(
           arguments.prepare(read_capture(capture.folder), TrialArguments::Frames::fit));
-    problem_.emplace(trials, e.fabric, names_of(e));
+    problem_.emplace(trials, e.fabric, parameter_names(e));
     store_.emplace(folder / "evaluations.sqlite");
     if (store_->count() > 0 && store_->count(*problem_) == 0)
       throw Error(
@@ -109,7 +109,7 @@ std::vector<double> values_of(const EstimateOfFit& e, const MatX& samples, std::
 
 void write_samples(const std::filesystem::path& path, const EstimateOfFit& e, const MatX& samples) {
   std::string text;
-  const std::vector<std::string>& names = names_of(e);
+  const std::vector<std::string>& names = parameter_names(e);
   for (std::size_t i = 0; i < names.size(); ++i) text += (i > 0 ? "," : "") + names[i];
   text += "\n";
   const auto stride = static_cast<Eigen::Index>(
@@ -131,7 +131,7 @@ nlohmann::ordered_json json_of(const EstimateOfFit& e, const SamplingResult& fou
     nlohmann::ordered_json quantiles;
     for (const double p : kProbabilities)
       quantiles[fmt::format("{:g}", p)] = sample_quantile(values, p);
-    parameters[names_of(e)[i]] = {
+    parameters[parameter_names(e)[i]] = {
         {"unit", e.info(i).unit},
         {"estimate", e.value(i)},
         {"quantiles", quantiles},
@@ -152,7 +152,7 @@ void write_picture(const std::filesystem::path& path, const EstimateOfFit& e, co
   MarginalsPlot plot;
   plot.title = fmt::format("Posterior of {}", e.fabric.name);
   for (std::size_t i = 0; i < e.unknowns.size(); ++i)
-    plot.parameters.push_back({names_of(e)[i], std::string(e.info(i).unit),
+    plot.parameters.push_back({parameter_names(e)[i], std::string(e.info(i).unit),
                                values_of(e, samples, i), report_scale(e.info(i).scale),
                                e.value(i)});
   write_plot(path, plot);

@@ -248,7 +248,7 @@ HeatMap distance_map(const GridTemplate& grid, const ScanRegistration& registrat
   return map;
 }
 
-nlohmann::json summary(int frame, const ScanRegistration& r) {
+nlohmann::json registration_json(int frame, const ScanRegistration& r) {
   return {{"frame", frame},
           {"points", r.points},
           {"inliers", r.inliers},
@@ -342,7 +342,7 @@ void run_register(const RegisterArguments& arguments) {
       registration = print.follow(k, scan, geometry, std::move(registration), options, tracked);
     }
     check_registration(registration, scan, grid, source_of(arguments, scans.size(), k));
-    frames.push_back(summary(frame, registration));
+    frames.push_back(registration_json(frame, registration));
     frames.back()["print_landmarks"] = tracked;
     frames.back()["stamp_crossings"] = crossings;
     if (!arguments.json) print_line(frames.back());

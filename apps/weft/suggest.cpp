@@ -138,7 +138,7 @@ Capture rig_of(const SuggestArguments& arguments, const Fabric& fabric) {
   return make_layout(layout);
 }
 
-constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kPerDegree = std::numbers::pi / 180;
 
 using Json = nlohmann::ordered_json;
 
@@ -153,16 +153,16 @@ Json values_of(const CandidateExperiment& e) {
 Json values_of(const CandidateTest& test) {
   Json specimen = {{"free_length", test.specimen.free_length}, {"width", test.specimen.width}};
   if (test.specimen.areal_density > 0) specimen["areal_density"] = test.specimen.areal_density;
-  specimen["grain_angle_deg"] = test.specimen.grain_angle / kDegree;
+  specimen["grain_angle_deg"] = test.specimen.grain_angle / kPerDegree;
   Json values = {{"test", name_of(test.kind)}, {"specimen", specimen}};
   if (test.kind == CandidateTest::Kind::cantilever) {
     values["profile"] = {{"readings", test.readings},
-                         {"clamp_angle_deg", test.clamp_angle / kDegree}};
+                         {"clamp_angle_deg", test.clamp_angle / kPerDegree}};
     values["point_noise"] = test.point_noise;
   } else if (test.kind == CandidateTest::Kind::overhang) {
     values["specimen"].erase("free_length");
     values["overhang"] = {{"readings", test.readings},
-                          {"angle_deg", test.angle / kDegree},
+                          {"angle_deg", test.angle / kPerDegree},
                           {"deviation", test.deviation}};
   } else {
     values["curve"] = {{"displacement", {test.first, test.last}}, {"readings", test.readings}};

@@ -7,6 +7,7 @@
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture.h"
 #include "weft/capture/capture_checks.h"
+#include "weft/capture/capture_file.h"
 #include "weft/capture/motion_file.h"
 
 namespace weft {
@@ -19,7 +20,7 @@ class CaptureReader {
  public:
   explicit CaptureReader(const std::filesystem::path& folder)
       : folder_(std::filesystem::absolute(folder).lexically_normal()),
-        file_(TomlTable::parse_file(folder_ / "capture.toml")) {}
+        file_(parse_capture_file(folder_)) {}
 
   Capture read() {
     read_head();
@@ -231,11 +232,6 @@ class CaptureReader {
 
 }  // namespace
 
-Capture read_capture(const std::filesystem::path& folder) {
-  if (!std::filesystem::is_directory(folder)) {
-    throw error_at({folder, 0, {}}, "not a folder; a capture is a folder with a capture.toml");
-  }
-  return CaptureReader(folder).read();
-}
+Capture read_capture(const std::filesystem::path& folder) { return CaptureReader(folder).read(); }
 
 }  // namespace weft

@@ -10,6 +10,7 @@
 
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
+#include "weft/capture/capture_file.h"
 #include "weft/capture/standard_test.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
@@ -34,13 +35,6 @@ using Units = std::vector<std::pair<std::string, double>>;
 constexpr double kDegree = std::numbers::pi / 180;
 const Units kAngleUnits{{"rad", 1}, {"deg", kDegree}};
 const Units kForceUnits{{"N", 1}, {"mN", 1e-3}, {"cN", 1e-2}, {"gf", 9.80665e-3}};
-
-TomlTable parse_capture(const std::filesystem::path& folder) {
-  if (!std::filesystem::is_directory(folder)) {
-    throw error_at({folder, 0, {}}, "not a folder; a capture is a folder with a capture.toml");
-  }
-  return TomlTable::parse_file(folder / "capture.toml");
-}
 
 bool overlap(const MaterialRectangle& a, const MaterialRectangle& b) {
   return (a.lower.array() < b.upper.array()).all() && (b.lower.array() < a.upper.array()).all();
@@ -108,7 +102,7 @@ class MechanicalReader {
  public:
   explicit MechanicalReader(const std::filesystem::path& folder)
       : folder_(std::filesystem::absolute(folder).lexically_normal()),
-        file_(parse_capture(folder_)) {}
+        file_(parse_capture_file(folder_)) {}
 
   MechanicalCapture read() {
     read_head();
@@ -577,7 +571,7 @@ class MechanicalReader {
 }  // namespace
 
 CaptureKind capture_kind(const std::filesystem::path& folder) {
-  const TomlTable file = parse_capture(folder);
+  const TomlTable file = parse_capture_file(folder);
   file.choice("format", {"weft-capture"});
   const std::string kind = file.choice("kind", {"video", "mechanical", "scan"});
   if (kind == "video") return CaptureKind::video;

@@ -11,6 +11,7 @@
 #include "weft/base/text_file.h"
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
+#include "weft/capture/capture_file.h"
 #include "weft/capture/landmark_file.h"
 #include "weft/capture/material_cover.h"
 #include "weft/capture/table_file.h"
@@ -20,29 +21,23 @@ namespace weft {
 namespace {
 
 constexpr Range kGrainAngle{-360, 360};  // degrees
-constexpr Range kForce{0, 1e4};          // N
+constexpr Range kForceRange{0, 1e4};     // N
 constexpr Range kWeight{0, 1e3};         // kg
 constexpr Range kForceNoise{1e-9, 1e3};  // N
 constexpr Range kNoise{1e-9, 0.1};       // m
 constexpr Range kUnit{1e-9, 1e6};        // m
 constexpr Range kDirection{-1e6, 1e6};
-constexpr double kOnSwatch = 1e-6;   // m
-constexpr double kCoverSlack = 0.1;  // of the swatch's longer side
-constexpr double kLargestRatio = 3;  // of an edge's lengths in space and in (u, v)
-constexpr double kLeastSine = 0.1;   // of the angle between the axes
+constexpr double kBesideSwatch = 1e-6;  // m
+constexpr double kCoverSlack = 0.1;     // of the swatch's longer side
+constexpr double kLargestRatio = 3;     // of an edge's lengths in space and in (u, v)
+constexpr double kLeastSine = 0.1;      // of the angle between the axes
 constexpr std::size_t kMostVertices = 1'000'000;
-
-TomlTable parse_capture(const std::filesystem::path& folder) {
-  if (!std::filesystem::is_directory(folder))
-    throw error_at({folder, 0, {}}, "not a folder; a capture is a folder with a capture.toml");
-  return TomlTable::parse_file(folder / "capture.toml");
-}
 
 class ScanReader {
  public:
   explicit ScanReader(const std::filesystem::path& folder)
       : folder_(std::filesystem::absolute(folder).lexically_normal()),
-        file_(parse_capture(folder_)) {}
+        file_(parse_capture_file(folder_)) {}
 
   ScanCapture read() {
     file_.choice("format", {"weft-capture"});
@@ -172,7 +167,7 @@ class ScanReader {
     clamp.where = table.where(table.has("region") ? "region" : "vertices");
     if (table.has("force") && table.has("weight"))
       throw error_at(table.where("weight"), "a clamp has `force` (N) or `weight` (kg), not both");
-    clamp.force = table.optional_number("force", kForce);
+    clamp.force = table.optional_number("force", kForceRange);
     if (const auto weight = table.optional_number("weight", kWeight))
       clamp.force = *weight * target.gravity.norm();
     if (table.has("force_noise") && !clamp.force)
@@ -188,8 +183,9 @@ class ScanReader {
     if (!(region.lower.array() <= region.upper.array()).all())
       throw error_at(table.where("region"),
                      "the first corner must not be above or right of the second");
-    if (region.lower.minCoeff() < -kOnSwatch || region.upper.x() > capture_.width + kOnSwatch ||
-        region.upper.y() > capture_.height + kOnSwatch)
+    if (region.lower.minCoeff() < -kBesideSwatch ||
+        region.upper.x() > capture_.width + kBesideSwatch ||
+        region.upper.y() > capture_.height + kBesideSwatch)
       throw error_at(table.where("region"),
                      fmt::format("({:g}, {:g}) to ({:g}, {:g}) m reaches off the swatch of {:g} x "
                                  "{:g} m",
@@ -230,8 +226,8 @@ class ScanReader {
 void check_on_swatch(const ScanCapture& capture, const TriangleMesh& mesh,
                      const std::filesystem::path& path) {
   const Vec2 lower = mesh.material.rowwise().minCoeff(), upper = mesh.material.rowwise().maxCoeff();
-  if (lower.minCoeff() < -kOnSwatch || upper.x() > capture.width + kOnSwatch ||
-      upper.y() > capture.height + kOnSwatch)
+  if (lower.minCoeff() < -kBesideSwatch || upper.x() > capture.width + kBesideSwatch ||
+      upper.y() > capture.height + kBesideSwatch)
     throw error_at(
         {path, 0, "vt"},
         fmt::format("(u, v) from ({:g}, {:g}) to ({:g}, {:g}) m; the swatch is {:g} x "

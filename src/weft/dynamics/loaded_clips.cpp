@@ -11,13 +11,13 @@ namespace weft {
 namespace {
 
 constexpr int kMostSteps = 200;
-constexpr double kTolerated = 100;     // times the tolerance, where the net forces fall no further
-constexpr double kStillServes = 0.2;   // of the net forces before, that a former Hessian may leave
-constexpr double kFirstRadius = 0.5;   // of the trust region, of half of a clip's longer side
-constexpr double kLargestRadius = 1;   // the same: a turn of some 60 degrees
-constexpr double kLeastRadius = 1e-9;  // the same
-constexpr double kFirstEscape = 1e-2;  // the same
-constexpr double kSufficientDecrease = 1e-4;
+constexpr double kTolerated = 100;      // times the tolerance, where the net forces fall no further
+constexpr double kHessianServes = 0.2;  // of the net forces before, that a former Hessian may leave
+constexpr double kFirstRadius = 0.5;    // of the trust region, of half of a clip's longer side
+constexpr double kLargestRadius = 1;    // the same: a turn of some 60 degrees
+constexpr double kLeastRadius = 1e-9;   // the same
+constexpr double kFirstEscapeWay = 1e-2;  // the same
+constexpr double kEnoughOfPredicted = 1e-4;
 constexpr double kClearlyLower = 0.5;     // of the net forces before
 constexpr double kLeastCurvature = 1e-9;  // of the largest
 
@@ -235,7 +235,7 @@ bool LoadedCloth::step(const Stiffness& stiffness, const StaticOptions& options,
     const double predicted = stiffness.hessian.predicted(here.net, move);
     const double change = there.value - here.value;
     // Near the end the energy is known no better than the cloth is at rest.
-    const bool falls = change <= kSufficientDecrease * predicted ||
+    const bool falls = change <= kEnoughOfPredicted * predicted ||
                        (there.residual < kClearlyLower * here.residual &&
                         change <= options.force_tolerance * half);
     if (!there.cloth.converged || !falls) continue;
@@ -248,7 +248,7 @@ bool LoadedCloth::step(const Stiffness& stiffness, const StaticOptions& options,
 
 /// Leaves a saddle along its most negative curvature. False where the reduced energy does not fall.
 bool LoadedCloth::escape(const Stiffness& stiffness, const StaticOptions& options, Place& here) {
-  for (double way = kFirstEscape; way > kLeastRadius; way *= 0.1) {
+  for (double way = kFirstEscapeWay; way > kLeastRadius; way *= 0.1) {
     for (const double side : {way, -way}) {
       const VecX move = side * least_half() * stiffness.hessian.vectors.col(0);
       Place there = moved(here, stiffness, move, options);
@@ -276,7 +276,7 @@ LoadedEquilibrium LoadedCloth::solve(Points start, const std::vector<Clip>& from
     const bool there = here.residual < options.force_tolerance;
     settled = there && near;  // stability is that of the start then
     if (settled) break;
-    const bool serves = stiffness && !there && here.residual < kStillServes * before;
+    const bool serves = stiffness && !there && here.residual < kHessianServes * before;
     if (!serves) stiffness.emplace(stiffness_at(here));
     before = here.residual;
     if (there) {

@@ -12,15 +12,15 @@ namespace {
 
 // The regularization is an inverse square of a time step: the step of a motion that forgets its
 // velocity. It shrinks as steps succeed.
-constexpr double kFirstRegularization = 1e4;   // 1/s^2
-constexpr double kLeastRegularization = 1e-6;  // 1/s^2; keeps free rigid motions regular
-constexpr double kMostRegularization = 1e12;   // 1/s^2
-constexpr double kSufficientDecrease = 1e-4;
-constexpr double kSmallestFraction = 1e-3;
-constexpr double kRounding = 1e-14;    // of the potential
-constexpr int kLongestPause = 16;      // iterations before the exact Hessian is tried again
-constexpr double kFirstEscape = 1e-4;  // m, along a direction of negative curvature
-constexpr double kStillServes = 0.2;   // of the forces before, that a former factor may leave
+constexpr double kInitialRegularization = 1e4;   // 1/s^2
+constexpr double kLeastRegularization = 1e-6;    // 1/s^2; keeps free rigid motions regular
+constexpr double kLargestRegularization = 1e12;  // 1/s^2
+constexpr double kEnoughDecrease = 1e-4;
+constexpr double kLeastFraction = 1e-3;
+constexpr double kPotentialRounding = 1e-14;  // of the potential
+constexpr int kLongestPause = 16;             // iterations before the exact Hessian is tried again
+constexpr double kFirstEscape = 1e-4;         // m, along a direction of negative curvature
+constexpr double kStillServes = 0.2;  // of the forces before, that a former factor may leave
 
 }  // namespace
 
@@ -73,7 +73,7 @@ bool StaticSystem::factorize_for_direction() {
   exact_ = false;
   while (!factorize(HessianKind::positive_semidefinite)) {
     regularization_ *= 10;
-    if (!(regularization_ < kMostRegularization)) return false;
+    if (!(regularization_ < kLargestRegularization)) return false;
   }
   return true;
 }
@@ -83,16 +83,16 @@ bool StaticSystem::find_step() {
   direction_ = -gradient_;
   cholesky_.solve(direction_);
   const double slope = gradient_.cwiseProduct(direction_).sum();
-  for (double fraction = 1; fraction > kSmallestFraction; fraction *= 0.5) {
+  for (double fraction = 1; fraction > kLeastFraction; fraction *= 0.5) {
     trial_ = x_ + fraction * direction_;
     const double after = model_.value(trial_);
     const double allowed =
-        kSufficientDecrease * fraction * slope + kRounding * std::abs(potential_);
+        kEnoughDecrease * fraction * slope + kPotentialRounding * std::abs(potential_);
     if (after - potential_ <= allowed) {
       // Half of the slope is what a quadratic function yields.
-      as_predicted_ = fraction == 1 && after - potential_ <= 0.25 * slope + kRounding;
+      as_predicted_ = fraction == 1 && after - potential_ <= 0.25 * slope + kPotentialRounding;
       regularization_ *= as_predicted_ ? (exact_ ? 0.1 : 0.25) : (fraction == 1 ? 1 : 2);
-      regularization_ = std::clamp(regularization_, kLeastRegularization, kMostRegularization);
+      regularization_ = std::clamp(regularization_, kLeastRegularization, kLargestRegularization);
       std::swap(x_, trial_);
       potential_ = after;
       return true;
@@ -100,7 +100,7 @@ bool StaticSystem::find_step() {
   }
   as_predicted_ = false;
   regularization_ *= 16;
-  return regularization_ < kMostRegularization;
+  return regularization_ < kLargestRegularization;
 }
 
 /// More steps by the factor at hand, to convergence. False where it no longer serves.
@@ -133,7 +133,7 @@ bool StaticSystem::is_stable() {
 void StaticSystem::escape() {
   do {
     regularization_ = std::max(4 * regularization_, 1.0);
-  } while (!factorize(HessianKind::exact) && regularization_ < kMostRegularization);
+  } while (!factorize(HessianKind::exact) && regularization_ < kLargestRegularization);
   Rng rng(1);
   direction_.resizeLike(x_);
   for (Eigen::Index i = 0; i < direction_.size(); ++i) direction_.data()[i] = rng.normal();
@@ -160,7 +160,7 @@ void StaticSystem::escape() {
 
 StaticResult StaticSystem::solve(Points start, const StaticOptions& options) {
   const bool near = options.start == StaticOptions::Start::near_equilibrium;
-  regularization_ = near ? kLeastRegularization : kFirstRegularization;
+  regularization_ = near ? kLeastRegularization : kInitialRegularization;
   pause_ = until_exact_ = 1;
   x_ = std::move(start);
   StaticResult result;
@@ -196,7 +196,7 @@ StaticSystem::Factor StaticSystem::factor_at(const Points& x) {
   x_ = x;
   bool definite = factorize(HessianKind::exact);
   while (!definite) {
-    if (!(regularization_ < kMostRegularization))
+    if (!(regularization_ < kLargestRegularization))
       throw Error("equilibrium: the stiffness matrix cannot be factorized; it is not finite");
     regularize(9 * regularization_);
     regularization_ *= 10;

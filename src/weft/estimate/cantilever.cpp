@@ -14,7 +14,7 @@ namespace weft {
 namespace {
 
 constexpr double kSteepestClamp = 80 * std::numbers::pi / 180;
-constexpr Eigen::Index kLeastPoints = 8;
+constexpr Eigen::Index kLeastProfilePoints = 8;
 constexpr double kLongest = 10;  // m
 /// Of the length, by which a straight strip's points may be off.
 constexpr double kStraight = 0.01;
@@ -95,10 +95,11 @@ double root_of(const Function& function, double low, double high) {
 }
 
 /// First and second derivative by s at s0 of a cubic fitted with tricube weights.
-struct Derivatives {
+struct ProfileDerivatives {
   Vec2 first, second;
 };
-Derivatives local_cubic(const MaterialPoints& profile, const VecX& arc, double s0, double window) {
+ProfileDerivatives local_cubic(const MaterialPoints& profile, const VecX& arc, double s0,
+                               double window) {
   Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
   Eigen::Matrix<double, 4, 2> right = Eigen::Matrix<double, 4, 2>::Zero();
   Eigen::Index used = 0;
@@ -111,9 +112,9 @@ Derivatives local_cubic(const MaterialPoints& profile, const VecX& arc, double s
     right += w * row * profile.col(i).transpose();
     ++used;
   }
-  if (used < kLeastPoints)
+  if (used < kLeastProfilePoints)
     throw Error(fmt::format("cantilever: {} points within the window of {:g} m; {} are needed",
-                            used, window, kLeastPoints));
+                            used, window, kLeastProfilePoints));
   const Eigen::Matrix<double, 4, 2> c = solve_symmetric(normal, right);
   return {c.row(1).transpose() / window, 2 * c.row(2).transpose() / (window * window)};
 }
@@ -121,8 +122,8 @@ Derivatives local_cubic(const MaterialPoints& profile, const VecX& arc, double s
 /// What holds the cubics: a third of the length, or the widest run of the points that one needs.
 double default_window(const VecX& arc) {
   double widest = 0;
-  for (Eigen::Index i = kLeastPoints - 1; i < arc.size(); ++i)
-    widest = std::max(widest, arc[i] - arc[i - kLeastPoints + 1]);
+  for (Eigen::Index i = kLeastProfilePoints - 1; i < arc.size(); ++i)
+    widest = std::max(widest, arc[i] - arc[i - kLeastProfilePoints + 1]);
   return std::max(arc[arc.size() - 1] / 3, 1.001 * widest);  // the rim of a window has no weight
 }
 
@@ -150,9 +151,9 @@ void check_orientation(const MaterialPoints& profile, const VecX& arc) {
 
 void check_profile(const MaterialPoints& profile, double weight) {
   require_positive(weight, "weight");
-  if (profile.cols() < kLeastPoints)
+  if (profile.cols() < kLeastProfilePoints)
     throw Error(fmt::format("cantilever: a profile of {} points; {} are needed", profile.cols(),
-                            kLeastPoints));
+                            kLeastProfilePoints));
   if (!profile.allFinite()) throw Error("cantilever: a point of the profile is not finite");
   const VecX arc = profile_arc(profile);
   const double length = arc[arc.size() - 1];
@@ -410,7 +411,7 @@ MomentCurvature moment_curvature(const MaterialPoints& profile, double weight, d
   if (!(window >= 0)) throw Error(fmt::format("cantilever: window {:g} m must be above 0", window));
   if (window == 0) window = default_window(out.arc);
   for (Eigen::Index i = 0; i < out.arc.size(); ++i) {
-    const Derivatives d = local_cubic(profile, out.arc, out.arc[i], window);
+    const ProfileDerivatives d = local_cubic(profile, out.arc, out.arc[i], window);
     out.curvature[i] = (d.first.y() * d.second.x() - d.first.x() * d.second.y()) /
                        std::pow(d.first.squaredNorm(), 1.5);
   }

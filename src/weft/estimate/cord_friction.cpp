@@ -91,13 +91,13 @@ Points through_standstills(const Points& into) {
 }
 
 /// What a piece of the motion of all clips is, positions known to `noise`.
-enum class Motion { none, untold, told };
-Motion motion_of(const MatX& positions, const Piece& piece, double least_way, double noise) {
+enum class CordMotion { none, untold, told };
+CordMotion motion_of(const MatX& positions, const Piece& piece, double least_way, double noise) {
   const VecX way = positions.col(piece.last) - positions.col(piece.first);
   const VecX lengths = way.reshaped(3, way.size() / 3).colwise().norm();
   if (lengths.squaredNorm() <= static_cast<double>(lengths.size()) * std::pow(kStanding * noise, 2))
-    return Motion::none;
-  return lengths.maxCoeff() > kTold * least_way ? Motion::told : Motion::untold;
+    return CordMotion::none;
+  return lengths.maxCoeff() > kTold * least_way ? CordMotion::told : CordMotion::untold;
 }
 
 std::vector<Points> ways_together(const std::vector<const Frames*>& clips, double least_way,
@@ -105,9 +105,9 @@ std::vector<Points> ways_together(const std::vector<const Frames*>& clips, doubl
   const MatX positions = positions_of(clips);
   std::vector<Piece> told, untold;
   for (const Piece& piece : pieces_of(positions, least_way)) {
-    const Motion motion = motion_of(positions, piece, least_way, noise);
-    if (motion == Motion::told) told.push_back(piece);
-    if (motion == Motion::untold) untold.push_back(piece);
+    const CordMotion motion = motion_of(positions, piece, least_way, noise);
+    if (motion == CordMotion::told) told.push_back(piece);
+    if (motion == CordMotion::untold) untold.push_back(piece);
   }
   std::vector<Points> result;
   for (const Frames* clip : clips) {

@@ -21,15 +21,15 @@ namespace {
 /// Of the error of the candidates: dents of one way are 2 to 5 % deep.
 constexpr double kAnotherWay = 0.9;
 
-struct Candidate {
+struct Contender {
   VecX scaled;
   double cost = kInfinity;
 };
 
 /// Stable: of equal costs the earlier one stays in front.
-void keep_best(std::vector<Candidate>& candidates, int count) {
+void keep_best(std::vector<Contender>& candidates, int count) {
   std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; });
+                   [](const Contender& a, const Contender& b) { return a.cost < b.cost; });
   if (candidates.size() > static_cast<std::size_t>(count))
     candidates.resize(static_cast<std::size_t>(count));
 }
@@ -75,7 +75,7 @@ class LeastSquaresFit {
 
   FitResult run() {
     const auto begin = Clock::now();
-    std::vector<Candidate> candidates = screen();
+    std::vector<Contender> candidates = screen();
     for (const FitStage& stage : options_.stages) {
       if (stopped_) break;
       run_stage(stage, candidates);
@@ -149,8 +149,8 @@ class LeastSquaresFit {
   }
 
   /// The start and the points of the screening about it; the start alone without one.
-  std::vector<Candidate> points_to_screen() const {
-    std::vector<Candidate> candidates{{first_guess(), 0}};
+  std::vector<Contender> points_to_screen() const {
+    std::vector<Contender> candidates{{first_guess(), 0}};
     std::vector<Eigen::Index> dimensions;
     for (const std::string& name : options_.screening_parameters)
       if (const int i = problem_.index_of(name); i >= 0) dimensions.push_back(i);
@@ -165,8 +165,8 @@ class LeastSquaresFit {
 
   /// The middle of the ranges, which reports compare with, and the points to screen are evaluated
   /// side by side: a simulation has one thread. Returns the points, best first.
-  std::vector<Candidate> screen() {
-    std::vector<Candidate> candidates = points_to_screen();
+  std::vector<Contender> screen() {
+    std::vector<Contender> candidates = points_to_screen();
     const VecX middle = VecX::Constant(problem_.dimension(), 0.5);
     const std::size_t screened = candidates.size() > 1 ? candidates.size() : 0;
     std::vector<StoredEvaluation> evaluations(1 + screened);
@@ -202,7 +202,7 @@ class LeastSquaresFit {
 
   /// Candidates are improved side by side: a simulation uses one core. Where one has no candidate
   /// left it looks at frames of another's.
-  void run_stage(const FitStage& stage, std::vector<Candidate>& candidates) {
+  void run_stage(const FitStage& stage, std::vector<Contender>& candidates) {
     const bool first = &stage == &options_.stages.front();
     if (first) keep_best(candidates, stage.survivors);  // by the screening
     const std::size_t descended = candidates.size();
@@ -228,11 +228,11 @@ class LeastSquaresFit {
     }
   }
 
-  void add_scattered(const FitStage& stage, std::vector<Candidate>& candidates) const {
+  void add_scattered(const FitStage& stage, std::vector<Contender>& candidates) const {
     Rng rng(options_.seed, 3);
     const std::size_t centres = candidates.size();
     for (int i = 0; i < stage.scattered; ++i) {
-      Candidate drawn = candidates[static_cast<std::size_t>(i) % centres];
+      Contender drawn = candidates[static_cast<std::size_t>(i) % centres];
       for (double& coordinate : drawn.scaled)
         coordinate = std::clamp(coordinate + stage.scatter * rng.uniform(-1, 1), 0.0, 1.0);
       candidates.push_back(std::move(drawn));
@@ -241,13 +241,13 @@ class LeastSquaresFit {
 
   /// Of the candidates after the first `descended` only those that took another way: dents of the
   /// same way differ by less, and where a descent ended is the better start in them.
-  static void keep_other_ways(std::size_t descended, std::vector<Candidate>& candidates) {
+  static void keep_other_ways(std::size_t descended, std::vector<Contender>& candidates) {
     double best = kInfinity;
     for (std::size_t i = 0; i < descended; ++i) best = std::min(best, candidates[i].cost);
     const auto first = candidates.begin() + static_cast<std::ptrdiff_t>(descended);
     candidates.erase(
         std::remove_if(first, candidates.end(),
-                       [&](const Candidate& c) { return !(c.cost < kAnotherWay * best); }),
+                       [&](const Contender& c) { return !(c.cost < kAnotherWay * best); }),
         candidates.end());
   }
 
@@ -256,7 +256,7 @@ class LeastSquaresFit {
   }
 
   /// By the error on the frames of the stage to come.
-  void compare_candidates(const FitStage& stage, std::vector<Candidate>& candidates) {
+  void compare_candidates(const FitStage& stage, std::vector<Contender>& candidates) {
     std::vector<StoredEvaluation> evaluations(candidates.size());
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
       if (interrupted()) return;
@@ -307,7 +307,7 @@ class LeastSquaresFit {
     model.hessian += weight * prior.hessian;
   }
 
-  Descent improve(const FitStage& stage, const Candidate& candidate) {
+  Descent improve(const FitStage& stage, const Contender& candidate) {
     const LinearizationOptions options = linearization_of(stage);
     const std::string phase = phase_of(stage);
     const VecX origin = reference();

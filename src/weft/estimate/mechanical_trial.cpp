@@ -13,7 +13,7 @@
 namespace weft {
 namespace {
 
-constexpr int kMostCells = 200;
+constexpr int kMostTestCells = 200;
 constexpr int kFewestCells = 8;        // of a search that is far from its end
 constexpr double kWidestCell = 2;      // of the narrow side
 constexpr double kFinestCell = 0.25;   // at a clip, of the widest one
@@ -149,17 +149,17 @@ struct Chain {
 };
 
 /// Whether frames depend on those before them.
-enum class Memory { none, friction };
+enum class ModelMemory { none, friction };
 
 std::vector<Chain> chains_of(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,
-                             const MechanicalFrames* near, Memory memory) {
+                             const MechanicalFrames* near, ModelMemory memory) {
   std::vector<Chain> chains;
   for (std::size_t t = 0; t < trials.size(); ++t) {
     for (int frame = 0; frame < trials[t]->capture.frame_count; ++frame) {
       // A shape to start from makes frames independent of each other; those of an overhang test are
       // one.
-      const bool alone =
-          memory == Memory::none && (trials[t]->geometry || near) && !trials[t]->capture.overhang;
+      const bool alone = memory == ModelMemory::none && (trials[t]->geometry || near) &&
+                         !trials[t]->capture.overhang;
       if (frame == 0 || alone) chains.push_back({t, {}});
       chains.back().frames.push_back(frame);
     }
@@ -452,8 +452,8 @@ double largest_measured_force(const MechanicalCapture& capture) {
 std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCapture& capture,
                                                           std::optional<MeasuredGeometry> geometry,
                                                           const MechanicalOptions& options) {
-  if (options.cells < 2 || options.cells > kMostCells)
-    throw Error(fmt::format("cells is {}, must be in [2, {}]", options.cells, kMostCells));
+  if (options.cells < 2 || options.cells > kMostTestCells)
+    throw Error(fmt::format("cells is {}, must be in [2, {}]", options.cells, kMostTestCells));
   auto trial = std::make_shared<MechanicalTrial>();
   trial->capture = capture;
   trial->options = options;
@@ -509,9 +509,9 @@ MechanicalFrames simulate_mechanical(
   MechanicalFrames results;
   for (const auto& trial : trials) results.emplace_back(at(trial->capture.frame_count));
   const std::vector<std::vector<StageModel>> models = stage_models(trials, fabric, threads);
-  const Memory memory = !trials.empty() && models.front().front().first_history.size() > 0
-                            ? Memory::friction
-                            : Memory::none;
+  const ModelMemory memory = !trials.empty() && models.front().front().first_history.size() > 0
+                                 ? ModelMemory::friction
+                                 : ModelMemory::none;
   const std::vector<Chain> chains = chains_of(trials, near, memory);
   parallel_for(chains.size(), threads, [&](std::size_t i) {
     const MechanicalFrame* before = nullptr;

@@ -11,7 +11,7 @@
 namespace weft {
 namespace {
 
-constexpr const char* kSchema = R"(
+constexpr const char* kNumbersSchema = R"(
 CREATE TABLE IF NOT EXISTS numbers (
   problem TEXT NOT NULL,
   key TEXT NOT NULL,
@@ -24,7 +24,7 @@ CREATE TABLE IF NOT EXISTS numbers (
 
 struct NumberStore::Impl {
   Impl(const std::filesystem::path& path, std::string_view whose)
-      : problem(whose), database(path, "store of numbers", {kSchema}) {
+      : problem(whose), database(path, "store of numbers", {kNumbersSchema}) {
     for (detail::Statement* statement : {&select, &insert, &remove, &counter})
       statement->bind(1, problem);
   }

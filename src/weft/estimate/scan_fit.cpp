@@ -22,8 +22,8 @@ constexpr int kBalancePasses = 4;
 constexpr double kSameScale = 1.01;  // of a target's noise, of the priors' weight
 /// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
 /// deviation off costs 1.
-constexpr double kEnoughReduction = 0.01;
-constexpr int kEnoughSteps = 2;
+constexpr double kEnoughScanReduction = 0.01;
+constexpr int kEnoughScanSteps = 2;
 constexpr double kLeastPoisson = 0.02, kMostPoisson = 0.45;  // of a random start
 /// A force whose direction is not known within itself has no magnitude to differentiate.
 constexpr double kLeastForce = 1e-12;  // N
@@ -363,7 +363,7 @@ double ScanProblem::cost(const VecX& scaled, std::string* reason) const {
 namespace {
 
 /// A linearization as numbers: what is one, then each part.
-VecX to_numbers(const ScanProblem::Linearization& l) {
+VecX scan_to_numbers(const ScanProblem::Linearization& l) {
   NumberWriter writer;
   for (const double number :
        {l.model.cost, static_cast<double>(l.inexact), l.shape_rms, l.force_rms})
@@ -375,7 +375,8 @@ VecX to_numbers(const ScanProblem::Linearization& l) {
   return writer.numbers();
 }
 
-ScanProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index n, Eigen::Index targets) {
+ScanProblem::Linearization scan_from_numbers(const VecX& numbers, Eigen::Index n,
+                                             Eigen::Index targets) {
   ScanProblem::Linearization l;
   NumberReader reader(numbers);
   l.model.cost = reader.number();
@@ -395,9 +396,9 @@ ScanProblem::Linearization ScanProblem::linearize(const VecX& scaled) const {
   if (!store_) return compute_linearization(scaled);
   const std::string at = key("linearization", scaled);
   const auto targets = static_cast<Eigen::Index>(trials_.size());
-  if (const auto found = store_->find(at)) return from_numbers(*found, scaled.size(), targets);
+  if (const auto found = store_->find(at)) return scan_from_numbers(*found, scaled.size(), targets);
   Linearization result = compute_linearization(scaled);
-  if (std::isfinite(result.model.cost)) store_->add(at, to_numbers(result));
+  if (std::isfinite(result.model.cost)) store_->add(at, scan_to_numbers(result));
   return result;
 }
 
@@ -531,9 +532,9 @@ class Descent {
     int small_steps = 0;
     const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
       if (!step.accepted) return !result_.stopped;
-      small_steps = (reached - step.cost) * residuals < kEnoughReduction ? small_steps + 1 : 0;
+      small_steps = (reached - step.cost) * residuals < kEnoughScanReduction ? small_steps + 1 : 0;
       reached = step.cost;
-      return !result_.stopped && small_steps < kEnoughSteps;
+      return !result_.stopped && small_steps < kEnoughScanSteps;
     };
     const LeastSquaresResult found =
         minimize_least_squares(linearize, cost, x_(free), VecX::Zero(size), VecX::Ones(size),

@@ -17,7 +17,7 @@ namespace weft {
 namespace {
 
 constexpr double kBarStiffness = 1e5;  // N/m, of a spring between two vertices of a free bar
-constexpr double kStandardGravity = 9.81;
+constexpr double kGravityOfWeights = 9.81;
 
 /// Heavy cloth with forces on vertices and springs that make free bars rigid.
 class PulledCloth final : public StaticPotential {
@@ -163,8 +163,8 @@ ScanExperiment corner_weights(double width, double height, double separation, do
               clamp_at("bottom left", ClampKind::points, {0, height}, {0, height}),
               clamp_at("bottom right", ClampKind::points, {width, height}, {width, height})};
   e.clamps[0].place = e.clamps[1].place = e.start;
-  e.clamps[2].pull = Vec3(0, 0, -kStandardGravity * left);
-  e.clamps[3].pull = Vec3(0, 0, -kStandardGravity * right);
+  e.clamps[2].pull = Vec3(0, 0, -kGravityOfWeights * left);
+  e.clamps[3].pull = Vec3(0, 0, -kGravityOfWeights * right);
   return e;
 }
 
@@ -184,7 +184,7 @@ ScanExperiment edge_weight(double width, double height, ScanAxis axis, double de
     e.clamps = {clamp_at("top", ClampKind::bar, {0, 0}, {width, depth}),
                 clamp_at("weight", ClampKind::bar, {0, height - depth}, {width, height})};
   e.clamps[0].place = e.start;
-  e.clamps[1].pull = Vec3(0, 0, -kStandardGravity * weight);
+  e.clamps[1].pull = Vec3(0, 0, -kGravityOfWeights * weight);
   return e;
 }
 

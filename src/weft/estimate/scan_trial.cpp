@@ -15,7 +15,7 @@
 namespace weft {
 namespace {
 
-constexpr int kMostCells = 200;
+constexpr int kMostScanCells = 200;
 constexpr double kSamePlace = 1e-7;     // m
 constexpr double kEqualSpacing = 1e-4;  // of a cell
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -296,8 +296,8 @@ MatX force_derivatives_of(const ScanTrial& trial, const MatX& reactions) {
 }
 
 void check(const ScanOptions& options) {
-  if (options.cells != 0 && (options.cells < 2 || options.cells > kMostCells))
-    throw Error(fmt::format("cells is {}, must be 0 or in [2, {}]", options.cells, kMostCells));
+  if (options.cells != 0 && (options.cells < 2 || options.cells > kMostScanCells))
+    throw Error(fmt::format("cells is {}, must be 0 or in [2, {}]", options.cells, kMostScanCells));
 }
 
 }  // namespace
@@ -335,9 +335,9 @@ std::shared_ptr<const ScanTrial> refined(const ScanTrial& trial) {
   const Lines lines = grid_of(trial.mesh).value();
   const std::vector<double> u = halved(lines.u), v = halved(lines.v);
   const std::size_t cells = std::min(u.size(), v.size()) - 1;
-  if (cells > at(kMostCells))
+  if (cells > at(kMostScanCells))
     throw Error(fmt::format("target \"{}\" would have {} cells across, more than {}",
-                            trial.target.name, cells, kMostCells));
+                            trial.target.name, cells, kMostScanCells));
   auto finer = std::make_shared<ScanTrial>(trial);
   finer->mesh = make_swatch(u, v, trial.pattern);
   hold(*finer);

@@ -12,8 +12,8 @@
 namespace weft {
 namespace {
 
-constexpr int kMostIterations = 50;
-constexpr int kLeastPoints = 3;  // of an interval that is halved
+constexpr int kMostCurveSteps = 50;
+constexpr int kLeastPointsHalved = 3;  // of an interval that is halved
 
 VecX residuals(const StiffnessCurve& curve, const VecX& strain, const VecX& stress) {
   VecX r(strain.size());
@@ -25,7 +25,7 @@ VecX residuals(const StiffnessCurve& curve, const VecX& strain, const VecX& stre
 StiffnessCurve fitted(StiffnessCurve curve, const VecX& strain, const VecX& stress) {
   const Eigen::Index n = curve.size();
   VecX row(n);
-  for (int iteration = 0; iteration < kMostIterations; ++iteration) {
+  for (int iteration = 0; iteration < kMostCurveSteps; ++iteration) {
     const VecX r = residuals(curve, strain, stress);
     MatX normal = MatX::Zero(n, n);
     VecX gradient = VecX::Zero(n);
@@ -64,7 +64,7 @@ VecX refined(const StiffnessCurve& curve, const VecX& strain, const VecX& stress
     counts[k] += 1;
   }
   for (Eigen::Index k = 0; k < sums.size(); ++k)
-    if (counts[k] < kLeastPoints) sums[k] = -1;
+    if (counts[k] < kLeastPointsHalved) sums[k] = -1;
   Eigen::Index worst = 0;
   if (sums.maxCoeff(&worst) < 0) return knots;
   VecX more(knots.size() + 1);

@@ -15,7 +15,7 @@ namespace weft {
 namespace {
 
 /// Eigenvalues of a matrix below this part of the largest one are rounding.
-constexpr double kRounding = 1e-13;
+constexpr double kEigenvalueRounding = 1e-13;
 constexpr double kLargestCondition = 1e12;
 constexpr int kMostFramesPerCluster = 5;
 constexpr int kLeastClusters = 8;
@@ -52,7 +52,7 @@ CostPart sum_of(const std::vector<CostPart>& clusters, std::size_t least = 2) {
 
 /// How many of a positive semidefinite matrix' eigenvalues, rising, are zero.
 Eigen::Index null_count(const VecX& eigenvalues) {
-  const double least = kRounding * eigenvalues[eigenvalues.size() - 1];
+  const double least = kEigenvalueRounding * eigenvalues[eigenvalues.size() - 1];
   Eigen::Index count = 0;
   while (count < eigenvalues.size() && !(eigenvalues[count] > least)) ++count;
   return count;

@@ -17,7 +17,7 @@ namespace weft {
 namespace {
 
 /// The rise of the outermost errors that is sought, and what is accepted.
-constexpr double kWantedRise = 0.015, kSmallRise = 0.0075, kLargeRise = 0.05;
+constexpr double kWantedRise = 0.015, kLeastRise = 0.0075, kMostRise = 0.05;
 
 void check(const VariabilityOptions& options) {
   if (!(options.smallest_window > 0 && options.smallest_window <= options.first_window &&
@@ -146,7 +146,7 @@ class Perturbation {
     double w = options_.first_window;
     for (int step = 0; step < 8; ++step) {
       const double rise = relative_rise(w);
-      if (rise >= kSmallRise && rise <= kLargeRise) break;
+      if (rise >= kLeastRise && rise <= kMostRise) break;
       double factor = 4;
       if (rise > 0) factor = std::clamp(std::sqrt(kWantedRise / rise), 0.125, 4.0);
       const double next = std::clamp(w * factor, options_.smallest_window, options_.largest_window);

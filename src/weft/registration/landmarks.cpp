@@ -12,6 +12,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "weft/base/error.h"
+#include "weft/base/quantile.h"
 #include "weft/registration/point_tree.h"
 
 namespace weft {
@@ -299,12 +300,6 @@ std::vector<Crossing> number_crossings(std::vector<Crossing> all, double pitch) 
   return best;
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Leaves out crossings that lie off the middle of their neighbours by more than 0.15 pitches, and
 /// those without two neighbours.
 void keep_regular(std::vector<Crossing>& crossings, double pitch) {
@@ -320,7 +315,8 @@ void keep_regular(std::vector<Crossing>& crossings, double pitch) {
         offsets[axis].push_back(offset[static_cast<Eigen::Index>(axis)]);
       }
     }
-    const bool near = std::hypot(median(offsets[0]), median(offsets[1])) < tolerance * pitch;
+    const bool near =
+        std::hypot(quantile(offsets[0], 0.5), quantile(offsets[1], 0.5)) < tolerance * pitch;
     regular.push_back(near && offsets[0].size() > 2);
   }
   std::size_t k = 0;
@@ -350,7 +346,7 @@ std::vector<Landmark> find_stamped_grid(const GridTemplate& grid, const Points& 
                         crossing.number[static_cast<std::size_t>(axis)]);
     }
     shift[static_cast<std::size_t>(axis)] =
-        static_cast<int>(std::lround(median(std::move(offsets))));
+        static_cast<int>(std::lround(quantile(std::move(offsets), 0.5)));
   }
   const double margin = 0.3 * stamp.pitch;
   for (const Crossing& crossing : crossings) {

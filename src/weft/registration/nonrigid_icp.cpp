@@ -11,6 +11,7 @@
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/base/quantile.h"
 #include "weft/dynamics/sparse_cholesky.h"
 #include "weft/registration/point_tree.h"
 
@@ -51,15 +52,6 @@ constexpr double kLeastSmoothing = 0.3;
 double robust_weight(double r, double reach) {
   const double q = 1 + (r / reach) * (r / reach);
   return 1 / (q * q);
-}
-
-/// Value at a share of the sorted data; 0 without data.
-double quantile(std::vector<double> data, double share) {
-  if (data.empty()) return 0;
-  const auto k =
-      std::min(data.size() - 1, static_cast<std::size_t>(share * static_cast<double>(data.size())));
-  std::nth_element(data.begin(), data.begin() + static_cast<std::ptrdiff_t>(k), data.end());
-  return data[k];
 }
 
 /// The nearest point of a triangle to p (Ericson, Real-Time Collision Detection, 5.1.5), as

@@ -16,7 +16,7 @@ namespace weft {
 namespace {
 
 // Points of which normals are computed in one task.
-constexpr int kChunk = 1024;
+constexpr int kPointsAtOnce = 1024;
 constexpr double kLargestSpacing = 4;
 constexpr double kLargestThickness = 0.6;
 constexpr double kMostSamples = 2e7;
@@ -119,11 +119,11 @@ ScanGeometry scan_geometry(const Scan& scan, int neighbours, int threads) {
   geometry.spacing.setZero(n);
   geometry.on_surface.assign(static_cast<std::size_t>(n), 1);
   const PointTree tree(scan.position);
-  const auto chunks = static_cast<std::size_t>((n + kChunk - 1) / kChunk);
+  const auto chunks = static_cast<std::size_t>((n + kPointsAtOnce - 1) / kPointsAtOnce);
   parallel_for(chunks, threads, [&](std::size_t chunk) {
     std::vector<PointTree::Neighbour> near;
-    const int begin = static_cast<int>(chunk) * kChunk;
-    for (int i = begin; i < std::min(n, begin + kChunk); ++i) {
+    const int begin = static_cast<int>(chunk) * kPointsAtOnce;
+    for (int i = begin; i < std::min(n, begin + kPointsAtOnce); ++i) {
       tree.nearest(scan.position.col(i), neighbours + 1, near);
       Vec3 mean = Vec3::Zero();
       for (const auto& other : near) mean += scan.position.col(other.index);

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "weft/base/error.h"
+#include "weft/base/quantile.h"
 #include "weft/dynamics/simulate.h"
 #include "weft/dynamics/sparse_cholesky.h"
 #include "weft/dynamics/state.h"
@@ -29,7 +30,7 @@ constexpr double least_met = 0.8;
 constexpr double contour_strip = 0.01;
 
 /// One step of the annealing. Lengths in m.
-struct Stage {
+struct SheetStage {
   double scale;        ///< distance at which a point loses half its pull
   double bend_length;  ///< (bend stiffness / weight per area)^(1/3)
   double stiffness;    ///< in-plane stiffness over (weight per area times size of the swatch)
@@ -38,18 +39,18 @@ struct Stage {
   int steps;           ///< Newton steps per association
 };
 
-using Stages = std::span<const Stage>;
+using SheetStages = std::span<const SheetStage>;
 
 // Two ways to begin. Pulled to the points at once, cloth that shows no stripes stays where the
 // start has it; left to sag first, it hangs as gravity has it, but what the points say may come too
 // late.
-constexpr std::array<Stage, 4> pulled = {{
+constexpr std::array<SheetStage, 4> pulled = {{
     {0.100, 0.060, 10, 1e-3, 8, 2},
     {0.060, 0.040, 25, 5e-4, 6, 2},
     {0.040, 0.030, 60, 2e-4, 6, 2},
     {0.020, 0.020, 120, 1e-4, 6, 2},
 }};
-constexpr std::array<Stage, 4> sagging = {{
+constexpr std::array<SheetStage, 4> sagging = {{
     {0.100, 0.060, 20, 5e-2, 8, 2},
     {0.060, 0.040, 50, 1e-2, 6, 2},
     {0.040, 0.030, 100, 2e-3, 6, 2},
@@ -57,7 +58,7 @@ constexpr std::array<Stage, 4> sagging = {{
 }};
 // The candidates are compared after these stages, which end alike: still stiff, the sheet shows by
 // its elastic energy where a fold is on the wrong side. The best one goes on.
-constexpr std::array<Stage, 2> last_stages = {{
+constexpr std::array<SheetStage, 2> last_stages = {{
     {0.010, 0.015, 250, 5e-5, 6, 2},
     {0.005, 0.015, 250, 5e-5, 6, 2},
 }};
@@ -206,17 +207,17 @@ class SurfaceFitter {
 
   /// Takes `x` through the stages; returns its energy at the last of them, J: elastic, and robust
   /// misfit. Gravity is left out: a moving cloth is not where its weight would have it.
-  double anneal(Points& x, Stages stages);
+  double anneal(Points& x, SheetStages stages);
   /// Distances of the points to the surface, m; NaN for points that see no cloth.
   std::vector<double> distances(const Points& x, Eigen::VectorXi& support);
 
  private:
   void find_slots();
-  void set_stage(const Stage& stage);
-  void associate_points(const Points& x, const Stage& stage);
-  void associate_contour(const Points& x, const Stage& stage);
-  double misfit(const Points& x, const Stage& stage);
-  void keep_inside(const Points& x, const Stage& stage);
+  void set_stage(const SheetStage& stage);
+  void associate_points(const Points& x, const SheetStage& stage);
+  void associate_contour(const Points& x, const SheetStage& stage);
+  double misfit(const Points& x, const SheetStage& stage);
+  void keep_inside(const Points& x, const SheetStage& stage);
   PlaneTerm image_term(const Points& x, int triangle, const Vec3& barycentric,
                        const ContourPoint& target) const;
   bool newton_step(Points& x);
@@ -300,7 +301,7 @@ void SurfaceFitter::find_slots() {
   }
 }
 
-void SurfaceFitter::set_stage(const Stage& stage) {
+void SurfaceFitter::set_stage(const SheetStage& stage) {
   // Stiffness in units of the weight that hangs from the cloth: in-plane strain of its own weight
   // is 1/250 per length, whatever the fabric.
   const double length =
@@ -332,7 +333,7 @@ bool SurfaceFitter::intersect(int triangle, const Points& x, const Vec2& pixel,
   return true;
 }
 
-void SurfaceFitter::associate_points(const Points& x, const Stage& stage) {
+void SurfaceFitter::associate_points(const Points& x, const SheetStage& stage) {
   const Points normals = vertex_normals(scene_.mesh, x);
   const double stiffness = weight_ / stage.give * point_area_;
   for (Eigen::Index p = 0; p < points_.pixel.cols(); ++p) {
@@ -352,7 +353,7 @@ void SurfaceFitter::associate_points(const Points& x, const Stage& stage) {
   }
 }
 
-void SurfaceFitter::associate_contour(const Points& x, const Stage& stage) {
+void SurfaceFitter::associate_contour(const Points& x, const SheetStage& stage) {
   const Points& image = visible_.image();
   const double stiffness = weight_ / stage.give * contour_strip * pixel_size_;
   for (const ContourPoint& point : contour_) {
@@ -397,7 +398,7 @@ PlaneTerm SurfaceFitter::image_term(const Points& x, int triangle, const Vec3& b
   return term;
 }
 
-void SurfaceFitter::keep_inside(const Points& x, const Stage& stage) {
+void SurfaceFitter::keep_inside(const Points& x, const SheetStage& stage) {
   const Points& image = visible_.image();
   for (int t = 0; t < scene_.mesh.triangle_count(); ++t) {
     for (int corner = 0; corner < 3; ++corner) {
@@ -504,9 +505,9 @@ bool SurfaceFitter::newton_step(Points& x) {
   return false;
 }
 
-double SurfaceFitter::anneal(Points& x, Stages stages) {
+double SurfaceFitter::anneal(Points& x, SheetStages stages) {
   damping_ = 100;
-  for (const Stage& stage : stages) {
+  for (const SheetStage& stage : stages) {
     set_stage(stage);
     for (int round = 0; round < stage.rounds; ++round) {
       visible_.update(x);
@@ -522,7 +523,7 @@ double SurfaceFitter::anneal(Points& x, Stages stages) {
   return misfit(x, stages.back()) + model_.elastic_energy(x);
 }
 
-double SurfaceFitter::misfit(const Points& x, const Stage& stage) {
+double SurfaceFitter::misfit(const Points& x, const SheetStage& stage) {
   const double point_stiffness = weight_ / stage.give * point_area_;
   const double scale_squared = stage.scale * stage.scale;
   visible_.update(x);
@@ -569,7 +570,7 @@ std::vector<double> SurfaceFitter::distances(const Points& x, Eigen::VectorXi& s
 /// Where a fit may begin, and how.
 struct Beginning {
   Points x;
-  Stages stages;
+  SheetStages stages;
 };
 
 /// What annealing cannot turn into one another is the side of the first fold: the flat sheet,
@@ -580,14 +581,6 @@ std::vector<Beginning> beginnings(const Scene& scene) {
   for (std::size_t k = 0; k < 4; ++k) result.push_back({shapes[k].x, pulled});
   for (std::size_t k = 0; k < 2; ++k) result.push_back({shapes[k].x, sagging});
   return result;
-}
-
-double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto k = std::min(values.size() - 1,
-                          static_cast<std::size_t>(share * static_cast<double>(values.size())));
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(k), values.end());
-  return values[k];
 }
 
 }  // namespace

@@ -98,7 +98,7 @@ cv::Mat disc(double radius) {
   return cv::getStructuringElement(cv::MORPH_ELLIPSE, {size, size});
 }
 
-double quantile(const cv::Mat& plane, const cv::Mat& use, double fraction) {
+double masked_quantile(const cv::Mat& plane, const cv::Mat& use, double fraction) {
   std::vector<float> values;
   for (int y = 0; y < plane.rows; ++y)
     for (int x = 0; x < plane.cols; ++x)
@@ -152,7 +152,7 @@ Difference difference_to(const Background& background, const cv::Mat& light, dou
 }
 
 cv::Mat find_cloth(const Difference& difference, double period) {
-  const double bright = quantile(difference.closed, {}, 0.995);
+  const double bright = masked_quantile(difference.closed, {}, 0.995);
   const double limit = std::max(kSpreads * difference.spread, kLeastContrast * bright);
   cv::Mat mask = difference.closed > limit;
   cv::morphologyEx(mask, mask, cv::MORPH_OPEN, disc(0.15 * period), {-1, -1}, 1,
@@ -218,7 +218,7 @@ SilhouetteResult find_silhouette(const Image& intensity, const SilhouetteOptions
     for (int x = 0; x < mask.cols; ++x)
       result.silhouette(y, x) = mask.at<std::uint8_t>(y, x) != 0 ? 1 : 0;
   if (cv::countNonZero(mask) > 0)
-    result.confidence = quantile(difference.closed, mask, 0.5) / background.spread;
+    result.confidence = masked_quantile(difference.closed, mask, 0.5) / background.spread;
   return result;
 }
 

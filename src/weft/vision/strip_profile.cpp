@@ -12,6 +12,7 @@
 
 #include "weft/base/dense.h"
 #include "weft/base/error.h"
+#include "weft/base/quantile.h"
 
 namespace weft {
 namespace {
@@ -27,12 +28,6 @@ void check(double value, double lower, double upper, const char* name) {
   if (value >= lower && value <= upper) return;
   throw Error(
       fmt::format("strip profile: {} {:g}; valid is {:g} to {:g}", name, value, lower, upper));
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 class Tracer {
@@ -143,12 +138,12 @@ class Tracer {
     return {sum > 0 ? Vec2(place + moment / sum * normal) : place, *top};
   }
 
-  double median_peak() const { return median(peaks_); }
+  double median_peak() const { return quantile(peaks_, 0.5); }
   double median_light() const {
     std::vector<double> values;
     for (int i = 0; i < smooth_.rows; ++i)
       values.insert(values.end(), smooth_.ptr<float>(i), smooth_.ptr<float>(i) + smooth_.cols);
-    return median(std::move(values));
+    return quantile(std::move(values), 0.5);
   }
 
   StripProfileOptions options_;
