@@ -60,6 +60,8 @@ endfunction()
 function(weft_join_sources target)
   if(WEFT_JOIN_SOURCES)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+    # GCC takes each of them for a header, whose unnamed namespaces would differ from source to source.
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
   endif()
 endfunction()
 

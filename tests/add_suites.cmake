@@ -1,0 +1,21 @@
+# Read by CTest: a test for each suite of `test_programs`, named program.suite without "test_".
+foreach(program ${test_programs})
+  if(NOT EXISTS ${program})
+    continue()  # not built: `ninja test_base && ctest -R base`
+  endif()
+  get_filename_component(module ${program} NAME)
+  string(REGEX REPLACE "^test_" "" module ${module})
+  execute_process(COMMAND ${program} --gtest_list_tests OUTPUT_VARIABLE list RESULT_VARIABLE status)
+  # A program that cannot even list its tests must not pass for one without any.
+  if(NOT status EQUAL 0)
+    add_test(${module} ${program} --gtest_list_tests)
+    continue()
+  endif()
+  string(REGEX MATCHALL "(^|\n)[^ \n#]+\\." suites "${list}")
+  foreach(suite ${suites})
+    string(STRIP "${suite}" suite)
+    string(REGEX REPLACE "\\.$" "" suite "${suite}")
+    add_test(${module}.${suite} ${program} "--gtest_filter=${suite}.*" --gtest_brief=1)
+    set_tests_properties(${module}.${suite} PROPERTIES TIMEOUT 900)
+  endforeach()
+endforeach()
