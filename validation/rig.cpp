@@ -6,7 +6,7 @@
 ///
 ///     weft_validate_rig OUT [recovery] [orders] [table] [bound] [known_forces] [--fabric NAME]
 ///                       [--model NAME] [--cells N] [--truth-cells N] [--steps N] [--starts N]
-///                       [--threads N]
+///                       [--threads N] [--seed N]
 ///                       [--uniform] [--no-noise] [--noise P,C,F,R] [--skip ROW]
 ///                       [--only ROW] [--cord-friction auto|fit|none] [--no-mesh-error]
 ///
@@ -395,7 +395,8 @@ RigNoise parse_noise(const std::string& text) {
 constexpr const char* kUsage =
     "usage: weft_validate_rig OUT [recovery] [orders] [table] [bound] [known_forces] "
     "[--fabric NAME] [--model NAME] "
-    "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--uniform] "
+    "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--seed N] "
+    "[--uniform] "
     "[--skip ROW] [--only ROW] [--no-mesh-error] "
     "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none]";
 
@@ -414,6 +415,8 @@ Arguments parse(int argc, char** argv) {
       arguments.starts = validation::number<int>(word, argv[++i], 0);
     else if (word == "--threads" && more)
       arguments.threads = arguments.rig.threads = validation::number<int>(word, argv[++i], 0);
+    else if (word == "--seed" && more)
+      arguments.rig.seed = validation::number<std::uint64_t>(word, argv[++i], 0);
     else if (word == "--fabric" && more)
       arguments.fabrics = {argv[++i]};
     else if (word == "--model" && more)
