@@ -9,6 +9,7 @@
 
 #include "textile_studies.h"
 #include "weft/base/error.h"
+#include "weft/base/quantile.h"
 #include "weft/estimate/homogeneous_strip.h"
 #include "weft/estimate/mechanical_trial.h"
 #include "weft/report/plot.h"
@@ -40,9 +41,7 @@ VecX median(const VecX& values, Eigen::Index reach) {
     const Eigen::Index a = std::max<Eigen::Index>(0, i - reach);
     const Eigen::Index b = std::min<Eigen::Index>(values.size() - 1, i + reach);
     window.assign(values.begin() + a, values.begin() + b + 1);
-    const auto middle = window.begin() + static_cast<std::ptrdiff_t>(window.size() / 2);
-    std::nth_element(window.begin(), middle, window.end());
-    out[i] = *middle;
+    out[i] = quantile(window, 0.5);
   }
   return out;
 }

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "estimate/closed_forms.h"
 #include "textile_studies.h"
@@ -16,7 +15,6 @@ namespace {
 
 constexpr double kMembrane = 3000, kBend = 2e-5, kDensity = 0.2;  // N/m, N m, kg/m^2
 constexpr double kWeight = 9.81 * kDensity;
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kCells[] = {4, 8, 16};
 constexpr std::array<double, 3> kAngles{0, 90, 45};
 const std::vector<std::string> kBends{"bend_uu", "bend_vv", "bend_twist"};

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <optional>
 
 #include "real_motion.h"
@@ -193,7 +192,7 @@ Bar bar_with_delay(const Recording& r, double delay, std::size_t leave_first = 0
 Bar best_bar(const Recording& r, std::size_t leave_first = 0, std::size_t leave_last = 0) {
   constexpr double step = 0.01;
   const auto cost = [&](double d) { return bar_with_delay(r, d, leave_first, leave_last).cost; };
-  double best = 0, least = std::numeric_limits<double>::infinity();
+  double best = 0, least = kInfinity;
   for (double d = 0; d <= kLongestDelay; d += step)
     if (const double c = cost(d); c < least) {
       least = c;

@@ -14,7 +14,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <numbers>
 #include <string>
 #include <vector>
 
@@ -30,7 +29,6 @@ namespace {
 
 constexpr double kSide = 0.15;      // m
 constexpr double kDensity = 0.224;  // kg/m^2, of the paper's cotton
-constexpr double kDegree = std::numbers::pi / 180;
 
 struct Targets {
   ScanCapture capture;

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
-#include <numbers>
 
 #include "scan_validation.h"
 #include "weft/fabric/orthotropic.h"
@@ -15,7 +14,6 @@ namespace {
 
 constexpr double kSide = 0.15;      // m
 constexpr double kDensity = 0.224;  // kg/m^2
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr DescriptorKind kKinds[] = {DescriptorKind::position, DescriptorKind::strain,
                                      DescriptorKind::energy, DescriptorKind::fourier};
 constexpr const char* kMaterials[] = {"larionov-cotton", "larionov-denim", "larionov-silk"};

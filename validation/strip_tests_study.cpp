@@ -13,8 +13,6 @@
 namespace weft::validation {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
-
 std::vector<double> list(const VecX& values) { return {values.begin(), values.end()}; }
 
 PlotAxis axis(const char* label, const char* unit) {

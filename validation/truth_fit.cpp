@@ -12,7 +12,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <limits>
 #include <string>
 
 #include "program.h"
@@ -49,7 +48,7 @@ class TruthFit {
   /// Mean squared distance over surface and fit frames, m^2; infinity if the motion diverged.
   double cost(const VecX& scaled) const {
     const Trajectory motion = simulate(scene_, problem_.fabric(scaled));
-    if (motion.diverged) return std::numeric_limits<double>::infinity();
+    if (motion.diverged) return kInfinity;
     double sum = 0;
     for (std::size_t k = 0; k < motion.frames.size(); ++k)
       sum += squared_distance(motion.frames[k], k);
@@ -84,7 +83,7 @@ class TruthFit {
         simulate_with_sensitivities(scene_, problem_.fabric(scaled), parameters_);
     QuadraticModel model{0, VecX::Zero(n), MatX::Zero(n, n)};
     if (motion.trajectory.diverged) {
-      model.cost = std::numeric_limits<double>::infinity();
+      model.cost = kInfinity;
       return model;
     }
     VecX slopes(n);
@@ -136,7 +135,7 @@ int run(int argc, char** argv) {
     starts.push_back(problem.scaled(find_fabric(name)).cwiseMax(0).cwiseMin(1));
   if (starts.empty()) starts.push_back(VecX::Constant(problem.dimension(), 0.5));
   VecX best;
-  double least = std::numeric_limits<double>::infinity();
+  double least = kInfinity;
   const auto consider = [&](const VecX& x, double cost) {
     if (!(cost < least)) return;
     best = x;

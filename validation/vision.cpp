@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 #include <string>
 #include <vector>
 
@@ -20,7 +19,6 @@
 namespace weft::validation {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kSize = 112, kBorder = 34;  // px; the filters and their blur reach over the border
 
 void print_error(testing::Grating grating) {

@@ -21,7 +21,6 @@
 namespace weft::app {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kReadTo = 1e-3;  // m, an overhang
 
 struct CantileverArguments {

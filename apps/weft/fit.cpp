@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -131,8 +130,7 @@ void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
       p.determined = p.determined && interval.determined;
       // Wider than the range of the search is no bound.
       p.interval_lower = interval.determined ? interval.lower : 0;
-      p.interval_upper =
-          interval.determined ? interval.upper : std::numeric_limits<double>::infinity();
+      p.interval_upper = interval.determined ? interval.upper : kInfinity;
     }
   }
 }

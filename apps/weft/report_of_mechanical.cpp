@@ -221,7 +221,7 @@ void add_shapes(const MechanicalTrial& trial, const std::vector<MechanicalFrame>
   const MeasuredGeometry& geometry = *trial.geometry;
   ShapeView view;
   if (trial.capture.gravity.norm() > 0) view.up = -trial.capture.gravity.normalized();
-  view.lower = Vec3::Constant(std::numeric_limits<double>::infinity());
+  view.lower = Vec3::Constant(kInfinity);
   view.upper = -view.lower;
   std::vector<VecX> residuals;
   std::vector<double> sorted;

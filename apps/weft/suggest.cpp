@@ -7,7 +7,6 @@
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "commands.h"
 #include "options.h"
@@ -138,8 +137,6 @@ Capture rig_of(const SuggestArguments& arguments, const Fabric& fabric) {
   return make_layout(layout);
 }
 
-constexpr double kPerDegree = std::numbers::pi / 180;
-
 using Json = nlohmann::ordered_json;
 
 Json values_of(const CandidateExperiment& e) {
@@ -153,16 +150,16 @@ Json values_of(const CandidateExperiment& e) {
 Json values_of(const CandidateTest& test) {
   Json specimen = {{"free_length", test.specimen.free_length}, {"width", test.specimen.width}};
   if (test.specimen.areal_density > 0) specimen["areal_density"] = test.specimen.areal_density;
-  specimen["grain_angle_deg"] = test.specimen.grain_angle / kPerDegree;
+  specimen["grain_angle_deg"] = test.specimen.grain_angle / kDegree;
   Json values = {{"test", name_of(test.kind)}, {"specimen", specimen}};
   if (test.kind == CandidateTest::Kind::cantilever) {
     values["profile"] = {{"readings", test.readings},
-                         {"clamp_angle_deg", test.clamp_angle / kPerDegree}};
+                         {"clamp_angle_deg", test.clamp_angle / kDegree}};
     values["point_noise"] = test.point_noise;
   } else if (test.kind == CandidateTest::Kind::overhang) {
     values["specimen"].erase("free_length");
     values["overhang"] = {{"readings", test.readings},
-                          {"angle_deg", test.angle / kPerDegree},
+                          {"angle_deg", test.angle / kDegree},
                           {"deviation", test.deviation}};
   } else {
     values["curve"] = {{"displacement", {test.first, test.last}}, {"readings", test.readings}};

@@ -3,12 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
 namespace weft::picture_frame_test {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kSide = 0.2;
 
 // A bar has the direction (cos, sin) of half the angle at the pulled corner: the diagonal is the

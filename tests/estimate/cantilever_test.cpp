@@ -18,8 +18,6 @@
 namespace weft::cantilever_test {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
-
 // G = w c^3: 200 g/m^2 is 1.96133 N/m^2; of a bending length of 2 cm, 1.569e-5 N m.
 TEST(Cantilever, RigidityAndBendingLength) {
   const double weight = 0.2 * kStandardGravity;

@@ -3,12 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 
 namespace weft::estimate_scatter_test {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Parts of equal matrices, whose gradients pull one coordinate each to and fro by `pull`.
 std::vector<CostPart> opposed_parts(const VecX& diagonal, double pull) {

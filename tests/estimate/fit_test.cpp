@@ -6,7 +6,6 @@
 #include <atomic>
 #include <csignal>
 #include <filesystem>
-#include <limits>
 
 #include "common/temporary_folder.h"
 #include "estimate/analytic_problem.h"
@@ -16,8 +15,6 @@
 
 namespace weft::fit_test {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 const std::vector<std::string> kFree{"stretch_stiffness", "shear_stiffness", "bend_stiffness",
                                      "bend_damping", "drag_linear"};

@@ -14,8 +14,6 @@
 namespace weft::optimize_test {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 /// Rastrigin's function on [0, 1]^n: a bowl with a ripple, about 4^n local minima, the lowest one
 /// (0.05) off the centre.
 double ripples(const VecX& x) {

@@ -2,7 +2,6 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "common/gradient_check.h"
 #include "estimate/closed_forms.h"
@@ -17,7 +16,6 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kMembrane = 3000, kBend = 2e-5;  // N/m, N m
 constexpr double kDensity = 0.2;                  // kg/m^2
 constexpr double kWeight = 9.81 * kDensity;       // N/m^2

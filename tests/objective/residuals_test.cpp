@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "objective/folded_sheet.h"
@@ -11,8 +10,6 @@
 
 namespace weft::residuals_test {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 using testing::directions;
 using testing::features_of;

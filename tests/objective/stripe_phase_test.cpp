@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "objective/folded_sheet.h"
@@ -18,7 +17,6 @@ using testing::folded;
 using testing::rig;
 using testing::swatch;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kTurn = 2 * std::numbers::pi;
 
 FrameResiduals residuals(const ResidualOptions& options) {

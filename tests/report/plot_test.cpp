@@ -21,7 +21,6 @@ using test::XmlElement;
 using test::XmlReader;
 using ::testing::HasSubstr;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 const double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /// A position is printed with two decimals.

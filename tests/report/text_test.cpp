@@ -4,14 +4,13 @@
 
 #include <cmath>
 #include <cstdlib>
-#include <limits>
 #include <string>
 #include <vector>
 
+#include "weft/base/types.h"
+
 namespace weft::text_test {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST(Text, EscapesWhatMarkupWouldTake) {
   EXPECT_EQ(escape_xml("<b>&\"'"), "&lt;b&gt;&amp;&quot;&#39;");

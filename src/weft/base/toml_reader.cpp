@@ -7,7 +7,6 @@
 #include <cmath>
 #include <fstream>
 #include <iterator>
-#include <limits>
 #include <set>
 #include <utility>
 
@@ -38,10 +37,9 @@ std::string_view type_name(const toml::node& node) {
 }
 
 std::string range_text(Range range) {
-  const double infinity = std::numeric_limits<double>::infinity();
-  if (range.lower == -infinity && range.upper == infinity) return "any finite number";
-  if (range.upper == infinity) return fmt::format("at least {:g}", range.lower);
-  if (range.lower == -infinity) return fmt::format("at most {:g}", range.upper);
+  if (range.lower == -kInfinity && range.upper == kInfinity) return "any finite number";
+  if (range.upper == kInfinity) return fmt::format("at least {:g}", range.lower);
+  if (range.lower == -kInfinity) return fmt::format("at most {:g}", range.upper);
   return fmt::format("in [{:g}, {:g}]", range.lower, range.upper);
 }
 
@@ -342,14 +340,13 @@ MatX TomlTable::matrix(std::string_view key, int rows, int columns) const {
   const auto column_count = static_cast<std::size_t>(columns);
   const toml::array& outer =
       impl_->array(key, node, row_count, fmt::format("rows of {} numbers", columns));
-  const double infinity = std::numeric_limits<double>::infinity();
   MatX result(rows, columns);
   for (std::size_t i = 0; i < row_count; ++i) {
     const std::string row_key = impl_->element(key, i);
     const toml::array& row = impl_->array(row_key, *outer.get(i), column_count, "numbers");
     for (std::size_t j = 0; j < column_count; ++j) {
       result(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) =
-          impl_->number(impl_->element(row_key, j), *row.get(j), {-infinity, infinity});
+          impl_->number(impl_->element(row_key, j), *row.get(j), {-kInfinity, kInfinity});
     }
   }
   return result;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <numbers>
 
 namespace weft {
 
@@ -20,6 +21,7 @@ using Points = Eigen::Matrix3Xd;
 using MaterialPoints = Eigen::Matrix2Xd;
 
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+inline constexpr double kDegree = std::numbers::pi / 180;  // rad
 
 /// What Eigen and stencils count in int, as the standard library indexes. Not negative.
 inline std::size_t at(Eigen::Index i) { return static_cast<std::size_t>(i); }

@@ -4,6 +4,9 @@
 
 #include <algorithm>
 
+#include "weft/base/quantile.h"
+#include "weft/capture/capture_file.h"
+
 namespace weft {
 namespace {
 
@@ -40,10 +43,7 @@ void check_other_motion(const CaptureFixture& a, const CaptureFixture& b,
 double median_interval(const std::vector<double>& times) {
   std::vector<double> intervals;
   for (std::size_t i = 1; i < times.size(); ++i) intervals.push_back(times[i] - times[i - 1]);
-  if (intervals.empty()) return 0;
-  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-  std::nth_element(intervals.begin(), middle, intervals.end());
-  return *middle;
+  return quantile(std::move(intervals), 0.5);
 }
 
 struct Device {
@@ -126,7 +126,7 @@ void check_stretch(const Capture& capture, const std::vector<FixtureSamples>& sa
 }
 
 double motion_sample_interval(const Capture& capture) {
-  const TomlTable file = TomlTable::parse_file(capture.folder / "capture.toml");
+  const TomlTable file = parse_capture_file(capture.folder);
   double longest = 0;
   for (const TomlTable& fixture : file.tables("fixture"))
     longest = std::max(

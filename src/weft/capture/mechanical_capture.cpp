@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
 #include <set>
 
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
 #include "weft/capture/capture_file.h"
+#include "weft/capture/material_cover.h"
 #include "weft/capture/standard_test.h"
 #include "weft/capture/table_file.h"
 #include "weft/mesh/mesh_io.h"
@@ -18,7 +18,6 @@
 namespace weft {
 namespace {
 
-constexpr double kOnSwatch = 1e-6;     // m
 constexpr double kSamePoint = 1e-9;    // m
 constexpr double kUnitLength = 1e-3;   // of a quaternion
 constexpr double kLeastCord = 1e-3;    // m, from a clip to the pulley
@@ -32,7 +31,6 @@ const std::vector<std::string> kTests{"strip", "bias-extension", "picture-frame"
                                       "overhang"};
 /// Names of a unit and what one is in SI; the first is what counts unless stated.
 using Units = std::vector<std::pair<std::string, double>>;
-constexpr double kDegree = std::numbers::pi / 180;
 const Units kAngleUnits{{"rad", 1}, {"deg", kDegree}};
 const Units kForceUnits{{"N", 1}, {"mN", 1e-3}, {"cN", 1e-2}, {"gf", 9.80665e-3}};
 

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <set>
 
+#include "weft/base/quantile.h"
 #include "weft/base/text_file.h"
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture_checks.h"
@@ -27,10 +28,9 @@ constexpr Range kForceNoise{1e-9, 1e3};  // N
 constexpr Range kNoise{1e-9, 0.1};       // m
 constexpr Range kUnit{1e-9, 1e6};        // m
 constexpr Range kDirection{-1e6, 1e6};
-constexpr double kBesideSwatch = 1e-6;  // m
-constexpr double kCoverSlack = 0.1;     // of the swatch's longer side
-constexpr double kLargestRatio = 3;     // of an edge's lengths in space and in (u, v)
-constexpr double kLeastSine = 0.1;      // of the angle between the axes
+constexpr double kCoverSlack = 0.1;  // of the swatch's longer side
+constexpr double kLargestRatio = 3;  // of an edge's lengths in space and in (u, v)
+constexpr double kLeastSine = 0.1;   // of the angle between the axes
 constexpr std::size_t kMostVertices = 1'000'000;
 
 class ScanReader {
@@ -183,9 +183,8 @@ class ScanReader {
     if (!(region.lower.array() <= region.upper.array()).all())
       throw error_at(table.where("region"),
                      "the first corner must not be above or right of the second");
-    if (region.lower.minCoeff() < -kBesideSwatch ||
-        region.upper.x() > capture_.width + kBesideSwatch ||
-        region.upper.y() > capture_.height + kBesideSwatch)
+    if (region.lower.minCoeff() < -kOnSwatch || region.upper.x() > capture_.width + kOnSwatch ||
+        region.upper.y() > capture_.height + kOnSwatch)
       throw error_at(table.where("region"),
                      fmt::format("({:g}, {:g}) to ({:g}, {:g}) m reaches off the swatch of {:g} x "
                                  "{:g} m",
@@ -226,8 +225,8 @@ class ScanReader {
 void check_on_swatch(const ScanCapture& capture, const TriangleMesh& mesh,
                      const std::filesystem::path& path) {
   const Vec2 lower = mesh.material.rowwise().minCoeff(), upper = mesh.material.rowwise().maxCoeff();
-  if (lower.minCoeff() < -kBesideSwatch || upper.x() > capture.width + kBesideSwatch ||
-      upper.y() > capture.height + kBesideSwatch)
+  if (lower.minCoeff() < -kOnSwatch || upper.x() > capture.width + kOnSwatch ||
+      upper.y() > capture.height + kOnSwatch)
     throw error_at(
         {path, 0, "vt"},
         fmt::format("(u, v) from ({:g}, {:g}) to ({:g}, {:g}) m; the swatch is {:g} x "
@@ -287,13 +286,12 @@ void check_edges(const ScanShape& shape, const std::filesystem::path& path) {
     }
   }
   if (ratios.empty()) return;
-  const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
-  std::nth_element(ratios.begin(), middle, ratios.end());
-  if (*middle <= kLargestRatio && *middle >= 1 / kLargestRatio) return;
+  const double ratio = quantile(std::move(ratios), 0.5);
+  if (ratio <= kLargestRatio && ratio >= 1 / kLargestRatio) return;
   throw error_at({path, 0, {}},
                  fmt::format("edges between measured vertices are {:.3g} times as long as in (u, "
                              "v) (median); valid: 1/{:g} to {:g}, positions and (u, v) in m",
-                             *middle, kLargestRatio, kLargestRatio));
+                             ratio, kLargestRatio, kLargestRatio));
 }
 
 /// Something must be compared.

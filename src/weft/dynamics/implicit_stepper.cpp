@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "weft/dynamics/air.h"
 
@@ -342,7 +341,7 @@ bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::
     return false;
   };
   const char* const not_definite = "the matrix of a step is not positive definite";
-  double change = std::numeric_limits<double>::infinity();
+  double change = kInfinity;
   for (int iteration = 0; iteration < options_.max_newton_iterations; ++iteration) {
     ++counts.newton_iterations;
     const bool near = change < std::max(kNearSolution, tolerance);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "weft/base/error.h"
 #include "weft/dynamics/scene.h"
@@ -102,12 +101,8 @@ Vec3 Motion::acceleration(double time) const {
   return 2 * c.r + c.s * 6 * c.t;
 }
 
-double Motion::start_time() const {
-  return times_.size() == 1 ? -std::numeric_limits<double>::infinity() : times_.front();
-}
+double Motion::start_time() const { return times_.size() == 1 ? -kInfinity : times_.front(); }
 
-double Motion::end_time() const {
-  return times_.size() == 1 ? std::numeric_limits<double>::infinity() : times_.back();
-}
+double Motion::end_time() const { return times_.size() == 1 ? kInfinity : times_.back(); }
 
 }  // namespace weft

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <limits>
 
 #include "weft/base/error.h"
 #include "weft/dynamics/xpbd_sheet.h"
@@ -118,8 +117,8 @@ class Relaxation {
   int sweeps_ = 0;
   bool derivatives_ = false;
   // Of the window at hand and the one before, N.
-  double least_ = std::numeric_limits<double>::infinity();
-  double least_before_ = std::numeric_limits<double>::infinity();
+  double least_ = kInfinity;
+  double least_before_ = kInfinity;
   int checks_ = 0;
 };
 
@@ -181,8 +180,8 @@ bool Relaxation::is_stuck(double residual) {
   least_ = std::min(least_, residual);
   if (++checks_ < kWindow / kStepsBetweenChecks) return false;
   const bool stuck = least_ > kLeastProgress * least_before_;
-  least_before_ = stuck ? std::numeric_limits<double>::infinity() : least_;
-  least_ = std::numeric_limits<double>::infinity();
+  least_before_ = stuck ? kInfinity : least_;
+  least_ = kInfinity;
   checks_ = 0;
   return stuck;
 }

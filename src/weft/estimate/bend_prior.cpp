@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <limits>
 
 #include "weft/base/error.h"
 #include "weft/estimate/uncertainty.h"
@@ -42,8 +41,7 @@ ParameterPrior prior_of_interval(std::string parameter, double lower, double upp
                             parameter, lower, upper));
   if (!(confidence > 0 && confidence < 1))
     throw Error(fmt::format("prior: confidence {:g}, must be in (0, 1)", confidence));
-  const double quantile =
-      student_quantile(0.5 * (1 + confidence), std::numeric_limits<double>::infinity());
+  const double quantile = student_quantile(0.5 * (1 + confidence), kInfinity);
   return checked({std::move(parameter), std::sqrt(lower * upper),
                   std::exp(0.5 * std::log(upper / lower) / quantile)});
 }

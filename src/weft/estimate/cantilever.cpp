@@ -250,7 +250,6 @@ class CantileverResiduals {
 
 /// Where no strip that is clamped at its first point bends like this.
 void check_fit(const CantileverFit& fit, double length) {
-  constexpr double kDegree = std::numbers::pi / 180;
   std::string problem;
   if (fit.distance_rms > kMostDistance * length)
     problem = fmt::format("the nearest elastica is {:.3g} m rms away, {:.0f} % of the length",

@@ -2,7 +2,6 @@
 /// The drape test after Cusick (ISO 9073-9): a disc of fabric held flat between two smaller discs,
 /// whose free ring hangs down in folds.
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -103,7 +102,7 @@ struct DrapeFit {
   Fabric fabric;                ///< of the estimate, or at that end
   double factor = 1;            ///< of all constants of bend, of those of the fabric given
   /// Of the interval; 0 and infinity where its end is beyond the range.
-  double lower = 0, upper = std::numeric_limits<double>::infinity();
+  double lower = 0, upper = kInfinity;
   DrapeStatistics drapes;          ///< of the fabric found
   std::vector<DrapePoint> points;  ///< all that were simulated; bend is log(factor)
 };

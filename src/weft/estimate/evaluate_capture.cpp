@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
@@ -36,8 +35,7 @@ Part summarize(const std::vector<Frame>& all, int first, int last, double alpha)
   for (const Frame& frame : all)
     if (frame.frame >= first && frame.frame <= last) frames.push_back(&frame);
   if (static_cast<int>(frames.size()) < last - first + 1) {
-    part.error = part.fold = part.silhouette = part.error_per_mask_pixel =
-        std::numeric_limits<double>::infinity();
+    part.error = part.fold = part.silhouette = part.error_per_mask_pixel = kInfinity;
   } else {
     double mask_pixels = 0;
     for (const Frame* frame : frames) {

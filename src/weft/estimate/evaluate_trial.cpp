@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "weft/base/clock.h"
 
@@ -44,7 +43,7 @@ void compare_frames(const Trial& trial, const Trajectory& trajectory, int thread
 void sum_up(TrialEvaluation& evaluation, double alpha) {
   if (evaluation.diverged) {
     evaluation.error = evaluation.fold = evaluation.silhouette = evaluation.error_per_mask_pixel =
-        std::numeric_limits<double>::infinity();
+        kInfinity;
     return;
   }
   double mask_pixels = 0;

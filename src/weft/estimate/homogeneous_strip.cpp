@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "weft/base/dense.h"
@@ -243,7 +242,7 @@ StripFit fit_strips(const std::vector<StripTest>& tests, const Fabric& start,
     try {
       return problem.evaluate(x, false).sum / count;
     } catch (const Error&) {
-      return std::numeric_limits<double>::infinity();
+      return kInfinity;
     }
   };
   const auto linearize = [&](const VecX& x) -> QuadraticModel {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <limits>
 #include <mutex>
 
 #include "weft/base/error.h"
@@ -54,8 +53,7 @@ Landscape landscape(const Problem& problem, const Fabric& fabric, const Landscap
   result.y_parameter = options.y_parameter;
   result.x = axis_values(x_info, options.x_count, options.x_lower, options.x_upper);
   result.y = axis_values(y_info, options.y_count, options.y_lower, options.y_upper);
-  result.error =
-      MatX::Constant(options.y_count, options.x_count, std::numeric_limits<double>::infinity());
+  result.error = MatX::Constant(options.y_count, options.x_count, kInfinity);
   const int x_index = fabric.value_index(options.x_parameter);
   const int y_index = fabric.value_index(options.y_parameter);
   const std::size_t columns = result.x.size(), total = columns * result.y.size();

@@ -225,6 +225,16 @@ VecX minimize_in_box(const MatX& a, const VecX& g, const VecX& lower, const VecX
   return BoxProgram(a, g, lower, upper).solve();
 }
 
+bool PayingSteps::pay_after(const LeastSquaresStep& step) {
+  constexpr double kEnoughReduction = 0.01;
+  constexpr int kEnoughSteps = 2;
+  if (!step.accepted) return true;
+  const double reduction = (cost_ - step.cost) * residual_count_;
+  cost_ = step.cost;
+  small_steps_ = reduction < kEnoughReduction ? small_steps_ + 1 : 0;
+  return small_steps_ < kEnoughSteps;
+}
+
 LeastSquaresResult minimize_least_squares(const LinearizeFunction& linearize,
                                           const CostFunction& cost, const VecX& start,
                                           const VecX& lower, const VecX& upper,

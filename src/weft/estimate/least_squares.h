@@ -45,6 +45,20 @@ struct LeastSquaresStep {
 /// After each trial step; false stops.
 using LeastSquaresObserver = std::function<bool(const LeastSquaresStep&)>;
 
+/// Whether the steps of a descent still pay: not once two accepted ones in turn have lowered the
+/// cost times the number of residuals, which is the sum of squares, by less than 0.01 each: far
+/// inside the noise, where a parameter one standard deviation off costs 1.
+class PayingSteps {
+ public:
+  /// `cost`: before the first step; infinite if it is not known, so that the first one pays.
+  PayingSteps(double cost, double residual_count) : cost_(cost), residual_count_(residual_count) {}
+  bool pay_after(const LeastSquaresStep& step);
+
+ private:
+  double cost_, residual_count_;
+  int small_steps_ = 0;
+};
+
 struct LeastSquaresResult {
   VecX x;
   double cost = 0;

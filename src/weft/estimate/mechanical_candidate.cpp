@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "weft/base/error.h"
 #include "weft/capture/capture_checks.h"
@@ -19,7 +18,6 @@ constexpr Range kPointNoise{1e-9, 1};    // m
 constexpr int kMostReadings = 10000;
 /// Of the free length: clips are then less than kMaxClipStretch times as far apart as at rest.
 constexpr double kFarthest = kMaxClipStretch - 1;
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kFirstOverhang = 0.05;  // m, from which that of a fabric is found
 
 constexpr std::string_view kKindNames[] = {"strip", "bias-extension", "cantilever", "overhang"};

@@ -18,10 +18,6 @@
 namespace weft {
 namespace {
 
-/// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
-/// deviation off costs 1.
-constexpr double kEnoughReduction = 0.01;
-constexpr int kEnoughSteps = 2;
 /// Of a search with new weights: they have not changed where it ends.
 constexpr double kEnoughByWeights = 0.1;
 constexpr int kMostSearches = 8;
@@ -883,15 +879,9 @@ class FitSearch {
       count([&] { return value = problem_.cost(x, nullptr, &tried) + problem_.priors().cost(x); });
       return value;
     };
-    double reached = cost_there;
-    int small_steps = 0;
+    PayingSteps steps(cost_there, static_cast<double>(problem_.residual_count()));
     const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
-      if (!step.accepted) return !stopped_;
-      const double reduction =
-          (reached - step.cost) * static_cast<double>(problem_.residual_count());
-      reached = step.cost;
-      small_steps = reduction < kEnoughReduction ? small_steps + 1 : 0;
-      return !stopped_ && small_steps < kEnoughSteps;
+      return !stopped_ && steps.pay_after(step);
     };
     const VecX zero = VecX::Zero(from.size()), one = VecX::Ones(from.size());
     return minimize_least_squares(linearize, cost, from, zero, one, options_.least_squares,

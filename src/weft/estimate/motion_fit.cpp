@@ -10,6 +10,7 @@
 #include "weft/base/clock.h"
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/base/quantile.h"
 #include "weft/estimate/estimate_scatter.h"
 
 namespace weft {
@@ -542,9 +543,7 @@ MotionDistance summary(std::vector<double> distances) {
     out.rms += d * d / static_cast<double>(distances.size());
   }
   out.rms = std::sqrt(out.rms);
-  const auto middle = distances.begin() + row(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  out.median = *middle;
+  out.median = quantile(std::move(distances), 0.5);
   return out;
 }
 

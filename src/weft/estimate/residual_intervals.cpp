@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "weft/estimate/estimate_scatter.h"
 
@@ -11,8 +10,7 @@ namespace {
 
 /// Half of the interval of the prior alone, of parameter i; infinity without one.
 double half_width_of_prior(const PriorTerm& prior, Eigen::Index i, double confidence) {
-  if (prior.gradient.size() == 0 || !(prior.hessian(i, i) > 0))
-    return std::numeric_limits<double>::infinity();
+  if (prior.gradient.size() == 0 || !(prior.hessian(i, i) > 0)) return kInfinity;
   return normal_half_width(confidence) * std::sqrt(prior.gradient_covariance(i, i)) /
          prior.hessian(i, i);
 }
@@ -52,7 +50,7 @@ ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, co
     interval.by_prior = known && !interval.determined;
     if (!known) {
       interval.lower = 0;
-      interval.upper = std::numeric_limits<double>::infinity();
+      interval.upper = kInfinity;
     }
     result.intervals.push_back(interval);
   }

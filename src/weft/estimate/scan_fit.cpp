@@ -20,10 +20,6 @@ namespace {
 
 constexpr int kBalancePasses = 4;
 constexpr double kSameScale = 1.01;  // of a target's noise, of the priors' weight
-/// Steps that lower the sum of squares by less are far inside the noise: a parameter one standard
-/// deviation off costs 1.
-constexpr double kEnoughScanReduction = 0.01;
-constexpr int kEnoughScanSteps = 2;
 constexpr double kLeastPoisson = 0.02, kMostPoisson = 0.45;  // of a random start
 /// A force whose direction is not known within itself has no magnitude to differentiate.
 constexpr double kLeastForce = 1e-12;  // N
@@ -527,14 +523,9 @@ class Descent {
       return value;
     };
     const auto size = static_cast<Eigen::Index>(free.size());
-    const auto residuals = static_cast<double>(problem_.residual_count());
-    double reached = kInfinity;
-    int small_steps = 0;
+    PayingSteps steps(kInfinity, static_cast<double>(problem_.residual_count()));
     const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
-      if (!step.accepted) return !result_.stopped;
-      small_steps = (reached - step.cost) * residuals < kEnoughScanReduction ? small_steps + 1 : 0;
-      reached = step.cost;
-      return !result_.stopped && small_steps < kEnoughScanSteps;
+      return !result_.stopped && steps.pay_after(step);
     };
     const LeastSquaresResult found =
         minimize_least_squares(linearize, cost, x_(free), VecX::Zero(size), VecX::Ones(size),

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 #include <string>
 
 #include "weft/base/error.h"
@@ -13,7 +12,6 @@ namespace weft {
 namespace {
 
 constexpr double kCentimetre = 1e-2;                   // m
-constexpr double kDegree = std::numbers::pi / 180;     // rad
 constexpr double kSlopeShear = 0.5 * kDegree;          // where KES begins to take the slope
 constexpr double kSlopeCurvature = 0.5 / kCentimetre;  // 1/m
 constexpr double kScalesToSaturation = 3;              // model/friction.h

@@ -6,7 +6,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string>
 
 #include "weft/base/error.h"
@@ -239,7 +238,7 @@ MaterialLocator::Hit MaterialLocator::locate(const Vec2& uv) const {
   const int row = static_cast<int>(std::clamp(scaled.y(), 0.0, rows_ - 1.0));
 
   Hit best{-1, Vec3::Zero()};
-  double best_distance = std::numeric_limits<double>::infinity();
+  double best_distance = kInfinity;
   const auto consider = [&](int t) {
     const auto& triangle = mesh_->triangles[static_cast<std::size_t>(t)];
     const std::array<Vec2, 3> corners{mesh_->material.col(triangle[0]),

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "weft/base/dense.h"
 #include "weft/base/error.h"
+#include "weft/base/quantile.h"
 #include "weft/base/random.h"
 #include "weft/registration/nonrigid_icp.h"
 #include "weft/registration/point_tree.h"
@@ -46,7 +46,7 @@ Points lay_flat(const GridTemplate& grid, const std::vector<Vec3>& points, const
   const Vec3 normal = axes.col(0);
   // The rectangle of least area about the points gives the sides; the directions, which is which.
   Vec3 side = axes.col(2), across = normal.cross(side), center = mean;
-  double least = std::numeric_limits<double>::infinity();
+  double least = kInfinity;
   constexpr int turns = 45;
   for (int k = 0; k < turns; ++k) {
     const double angle = M_PI / 2 * k / turns;
@@ -65,7 +65,7 @@ Points lay_flat(const GridTemplate& grid, const std::vector<Vec3>& points, const
     across = b;
     center = mean + middle_a * a + middle_b * b;
   }
-  double best = -std::numeric_limits<double>::infinity();
+  double best = -kInfinity;
   Vec3 u = side, v = across;
   for (const auto& [a, b] : {std::pair{side, across}, std::pair{across, side}}) {
     for (const double sign_a : {1.0, -1.0}) {
@@ -175,9 +175,7 @@ std::vector<RegistrationStart> flat_starts(const GridTemplate& grid, const Scan&
   if (points.size() < 3) {
     throw Error(fmt::format("{} points of the scan lie on a surface; at least 3", points.size()));
   }
-  const auto middle = static_cast<std::ptrdiff_t>(spacing.size() / 2);
-  std::nth_element(spacing.begin(), spacing.begin() + middle, spacing.end());
-  const double usual = spacing[spacing.size() / 2];
+  const double usual = quantile(std::move(spacing), 0.5);
   std::vector<RegistrationStart> starts;
   const auto add = [&](const Indices& some) {
     const auto count = static_cast<double>(some.size());

@@ -101,10 +101,8 @@ FabricImage unwrap_scan(const GridTemplate& grid, const Points& x, const Scan& s
     tree.nearest(scan.position.col(i), 2, near);
     steps.push_back(std::sqrt(near.back().squared));
   }
-  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2),
-                   steps.end());
   // The distance to the nearest of scattered points is shorter than the one between neighbours.
-  const double reach = std::max(2 * 2 * steps[steps.size() / 2], texel);
+  const double reach = std::max(2 * 2 * quantile(std::move(steps), 0.5), texel);
   for (Eigen::Index row = 0; row < image.grey.rows(); ++row) {
     for (Eigen::Index column = 0; column < image.grey.cols(); ++column) {
       tree.nearest(position_at(grid, x, center_of(image, row, column)), 4, near);
@@ -216,10 +214,10 @@ double line_offset(const FabricImage& image, Eigen::Index row, Eigen::Index colu
       sum += static_cast<double>(image.grey(i, j));
       ++count;
     }
-    profile.push_back(count > 0 ? sum / count : std::numeric_limits<double>::infinity());
+    profile.push_back(count > 0 ? sum / count : kInfinity);
   }
   const auto finite = [](double a) { return std::isfinite(a); };
-  double light = -std::numeric_limits<double>::infinity(), dark = -light;
+  double light = -kInfinity, dark = -light;
   for (const double grey : profile) {
     if (!finite(grey)) continue;
     light = std::max(light, grey);

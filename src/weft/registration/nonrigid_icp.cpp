@@ -413,7 +413,7 @@ Association GridIcp::nearest(const Points& x, const PointTree& tree, int point,
   const Vec3 p = scan_.position.col(point);
   tree.nearest(p, kNearVertices, near);
   Association best;
-  double best_squared = std::numeric_limits<double>::infinity();
+  double best_squared = kInfinity;
   for (const auto& vertex : near) {
     for (const int t : triangles_of_vertex_[static_cast<std::size_t>(vertex.index)]) {
       const auto& [i, j, k] = grid_.mesh.triangles[static_cast<std::size_t>(t)];
@@ -775,7 +775,7 @@ ScanRegistration GridIcp::run(const RegistrationStart& start) {
   make_tree();
   const double still = 3e-4 * cell_;
   Stage last{};
-  double previous = std::numeric_limits<double>::infinity();
+  double previous = kInfinity;
   for (Stage stage : stages(start.reach)) {
     damping_ = std::max(damping_, 1e-2);
     for (int round = 0; round < stage.rounds; ++round) {

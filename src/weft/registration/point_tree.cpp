@@ -85,7 +85,7 @@ PointTree::Neighbour PointTree::nearest(const Vec3& query, double reach) const {
 void PointTree::nearest(const Vec3& query, int count, std::vector<Neighbour>& found) const {
   found.clear();
   if (nodes_.empty() || count < 1) return;
-  double reach_squared = std::numeric_limits<double>::infinity();
+  double reach_squared = kInfinity;
   search(0, query, reach_squared, [&](const Neighbour& next) {
     const auto full = static_cast<int>(found.size()) == count;
     if (full) {

@@ -1,5 +1,4 @@
 #pragma once
-#include <limits>
 #include <vector>
 
 #include "weft/base/types.h"
@@ -18,8 +17,7 @@ class PointTree {
     double squared = 0;  ///< m^2
   };
   /// The nearest point closer than `reach`, m.
-  Neighbour nearest(const Vec3& query,
-                    double reach = std::numeric_limits<double>::infinity()) const;
+  Neighbour nearest(const Vec3& query, double reach = kInfinity) const;
   /// The `count` nearest points, nearest first (fewer where the tree has fewer), into `found`.
   void nearest(const Vec3& query, int count, std::vector<Neighbour>& found) const;
   /// All points closer than `radius`, m, in no particular order, into `found`.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <queue>
 
@@ -192,7 +191,7 @@ class StripeIndexer {
 /// the edge at projector row `row`; infinite if its ray does not meet that plane.
 double StripeIndexer::slope(const Node& to, double row, const Vec3& direction, double depth) const {
   const double jump = std::abs(planes_.depth(to.direction, row) - depth);
-  if (std::isnan(jump)) return std::numeric_limits<double>::infinity();
+  if (std::isnan(jump)) return kInfinity;
   const double lateral = depth * (to.direction - direction).norm();
   return std::max(jump - depth_noise, 0.0) / lateral;
 }

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "weft/base/quantile.h"
+
 namespace weft {
 namespace {
 
@@ -128,10 +130,7 @@ double typical_contrast(const Image& intensity, const Mask& silhouette, double p
       contrasts.push_back(*most - *least);
     }
   }
-  if (contrasts.empty()) return 0;
-  const auto middle = contrasts.begin() + static_cast<std::ptrdiff_t>(contrasts.size() / 2);
-  std::nth_element(contrasts.begin(), middle, contrasts.end());
-  return *middle;
+  return quantile(std::move(contrasts), 0.5);
 }
 
 /// Measures the edge at step k: levels on the plateaus beside it, then where their mean is crossed.
@@ -163,9 +162,7 @@ void drop_shading(std::vector<StripeEdge>& edges) {
   std::vector<double> modulations(edges.size());
   std::transform(edges.begin(), edges.end(), modulations.begin(),
                  [](const StripeEdge& edge) { return edge.modulation; });
-  const auto middle = modulations.begin() + static_cast<std::ptrdiff_t>(modulations.size() / 2);
-  std::nth_element(modulations.begin(), middle, modulations.end());
-  const double least = least_modulation_share * *middle;
+  const double least = least_modulation_share * quantile(std::move(modulations), 0.5);
   std::erase_if(edges, [least](const StripeEdge& edge) { return edge.modulation < least; });
 }
 

@@ -77,7 +77,7 @@ struct Frame2 {
   int width, height;
 };
 Frame2 fit_frame(const ShapeView& view, const ViewAxes& axes) {
-  Vec2 lower = Vec2::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
+  Vec2 lower = Vec2::Constant(kInfinity), upper = -lower;
   for (int corner = 0; corner < 8; ++corner) {
     const Vec3 p((corner & 1) ? view.upper.x() : view.lower.x(),
                  (corner & 2) ? view.upper.y() : view.lower.y(),

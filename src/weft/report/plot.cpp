@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numbers>
 #include <set>
 #include <utility>
 
@@ -63,7 +61,7 @@ Scale make_scale(const PlotAxis& axis, const std::vector<double>& values, double
     scale.upper = static_cast<double>(axis.categories.size()) - 0.5;
     return scale;
   }
-  double lower = std::numeric_limits<double>::infinity(), upper = -lower;
+  double lower = kInfinity, upper = -lower;
   for (const double value : values) {
     if (!drawable(axis, value)) continue;
     lower = std::min(lower, value);
@@ -343,7 +341,7 @@ void draw_points(Svg& svg, const PlotSeries& series, const LinePlot& plot, const
     if (!drawable(plot.x, series.x[i]) || !x.contains(series.x[i])) continue;
     const double at_x = x.pixel(series.x[i]);
     if (!drawable(plot.y, series.y[i])) {
-      if (series.y[i] != std::numeric_limits<double>::infinity()) continue;
+      if (series.y[i] != kInfinity) continue;
       if (many && !taken.insert({std::lround(at_x), -1}).second) continue;
       svg.path(fmt::format("M{} {}l4 6h-8z", px(at_x), px(frame.top + 1)),
                fill(colour, "off-scale"), many ? "" : coordinate_text(plot.x, series.x[i]) + ": ∞");
