@@ -12,7 +12,8 @@ namespace weft {
 inline TrajectoryWithSensitivities difference_sensitivities(const Scene& scene,
                                                             const Fabric& fabric,
                                                             const std::vector<int>& parameters,
-                                                            SimulationOptions options) {
+                                                            SimulationOptions options,
+                                                            int /*threads*/ = 1) {
   options.newton_tolerance = std::min(options.newton_tolerance, 1e-9);
   TrajectoryWithSensitivities result;
   result.trajectory = simulate(scene, fabric, options);

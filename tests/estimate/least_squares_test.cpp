@@ -254,7 +254,7 @@ TEST(BoxProgram, MeetsTheOptimalityConditions) {
 
 TEST(PayingSteps, EndAfterTwoSmallOnesInTurn) {
   const auto step = [](double cost, bool accepted = true) {
-    return LeastSquaresStep{.cost = cost, .accepted = accepted};
+    return LeastSquaresStep{.x = {}, .cost = cost, .accepted = accepted};
   };
   PayingSteps steps(kInfinity, 10);
   EXPECT_TRUE(steps.pay_after(step(1)));

@@ -214,7 +214,7 @@ TEST_F(LinearizeTest, UnstableMotionCountsLess) {
 TEST_F(LinearizeTest, ADivergedSimulationIsAnInfiniteCost) {
   LinearizationOptions options;
   options.simulator = [](const Scene&, const Fabric&, const std::vector<int>&,
-                         const SimulationOptions&) {
+                         const SimulationOptions&, int) {
     TrajectoryWithSensitivities nothing;
     nothing.trajectory.diverged = true;
     return nothing;
@@ -383,9 +383,10 @@ TEST_F(LinearizeTest, PatchesAddUpToTheirFrame) {
 TEST_F(LinearizeTest, DerivativesThatAreNotFiniteCountForNothing) {
   LinearizationOptions options;
   options.simulator = [](const Scene& scene, const Fabric& fabric,
-                         const std::vector<int>& parameters, const SimulationOptions& how) {
+                         const std::vector<int>& parameters, const SimulationOptions& how,
+                         int threads) {
     TrajectoryWithSensitivities motion =
-        simulate_with_sensitivities(scene, fabric, parameters, how);
+        simulate_with_sensitivities(scene, fabric, parameters, how, threads);
     motion.sensitivities.x.back().setConstant(std::numeric_limits<double>::infinity());
     return motion;
   };

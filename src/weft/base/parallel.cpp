@@ -47,9 +47,11 @@ class FirstFailure {
 
 int hardware_threads() { return oneapi::tbb::info::default_concurrency(); }
 
+int all_threads(int threads) { return threads > 0 ? threads : hardware_threads(); }
+
 void parallel_for(std::size_t count, int threads, const std::function<void(std::size_t)>& task) {
   // More threads than cores gain nothing, and TBB warns of them on stderr.
-  threads = threads <= 0 ? hardware_threads() : std::min(threads, hardware_threads());
+  threads = std::min(all_threads(threads), hardware_threads());
   if (threads == 1 || count < 2) {
     for (std::size_t i = 0; i < count; ++i) task(i);
     return;

@@ -12,5 +12,7 @@ namespace weft {
 void parallel_for(std::size_t count, int threads, const std::function<void(std::size_t)>& task);
 
 int hardware_threads();
+/// `threads`, or, for 0 and less, all cores.
+int all_threads(int threads);
 
 }  // namespace weft

@@ -27,6 +27,7 @@ Trajectory simulate(const Scene& scene, const AirMotion& air, const Fabric& fabr
 TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, const AirMotion& air,
                                                         const Fabric& fabric,
                                                         const std::vector<int>& parameters,
-                                                        const SimulationOptions& options = {});
+                                                        const SimulationOptions& options = {},
+                                                        int threads = 1);
 
 }  // namespace weft

@@ -41,26 +41,18 @@ ImplicitStepper::ImplicitStepper(const ClothModel& model, const std::vector<Poin
       air_(air),
       held_(held_vertices(fixtures, model.vertex_count())),
       max_linear_iterations_(most_linear_iterations(model.vertex_count())),
-      preconditioner_(model.hessian_pattern(), held_, model.mesh().material),
-      hessian_(model.hessian_pattern()),
-      projected_hessian_(model.hessian_pattern()),
+      matrix_(model, held_),
       product_(3, model.vertex_count()) {}
 
-void ImplicitStepper::start(State state) {
-  current_ = std::move(state);
+void ImplicitStepper::start(State state, ImplicitStepObserver observer) {
+  current_.state = std::move(state);
+  observer_ = std::move(observer);
   previous_.reset();
-  spare_ = {};
-}
-
-void ImplicitStepper::start(State state, std::vector<int> parameters) {
-  start(std::move(state));
-  parameters_ = std::move(parameters);
-  inexact_ = 0;
 }
 
 bool ImplicitStepper::needs_start_step(double h) const {
   if (options_.integrator != Integrator::bdf2) return false;
-  return !previous_ || h > kMaxStepGrowth * (current_.time - previous_->time);
+  return !previous_ || h > kMaxStepGrowth * (current_.state.time - previous_->time);
 }
 
 namespace {
@@ -76,12 +68,12 @@ Bdf2 bdf2(double h, double h_before) {
 
 }  // namespace
 
-ImplicitStepper::Formula ImplicitStepper::formula(double h) const {
+StageFormula ImplicitStepper::formula(double h) const {
   switch (options_.integrator) {
     case Integrator::newmark:
       return {2 / h, 2 / h, 0, 1};
     case Integrator::bdf2: {
-      const Bdf2 f = bdf2(h, current_.time - previous_->time);
+      const Bdf2 f = bdf2(h, current_.state.time - previous_->time);
       return {f.rate, f.current, f.previous, 0};
     }
     default:
@@ -89,9 +81,9 @@ ImplicitStepper::Formula ImplicitStepper::formula(double h) const {
   }
 }
 
-ImplicitStepper::Formula ImplicitStepper::strain_formula(double h, const Formula& f) const {
+StageFormula ImplicitStepper::strain_formula(double h, const StageFormula& f) const {
   if (options_.integrator != Integrator::newmark || !previous_) return f;
-  const Bdf2 c = bdf2(h, current_.time - previous_->time);
+  const Bdf2 c = bdf2(h, current_.state.time - previous_->time);
   return {c.rate, c.current, c.previous, 0};
 }
 
@@ -103,54 +95,58 @@ bool ImplicitStepper::advance(double time, Trajectory& counts, const StepObserve
     if (take_step(targets.back(), counts, reason)) {
       targets.pop_back();
       ++counts.steps;
-      if (observer) observer(current_.time, current_.x, current_.v);
+      const State& now = state();
+      if (observer) observer(now.time, now.x, now.v);
     } else {
       if (targets.size() > kMaxHalvings) return false;
-      targets.push_back(0.5 * (current_.time + targets.back()));
+      targets.push_back(0.5 * (state().time + targets.back()));
     }
   }
   return true;
 }
 
 bool ImplicitStepper::take_step(double time, Trajectory& counts, std::string& reason) {
-  const double h = time - current_.time;
-  State next = std::move(spare_);
-  if (needs_start_step(h)) {
-    State middle;
+  const double start_time = state().time;
+  const double h = time - start_time;
+  const bool two_stages = needs_start_step(h);
+  if (two_stages) {
     const double part = kStartFraction * h;
     const double rate = 2 / part;
-    if (!solve_stage(current_.time + part, {rate, rate, 0, 1}, nullptr, middle, counts, reason)) {
+    if (!solve_stage(start_time + part, {rate, rate, 0, 1}, nullptr, middle_, counts, reason))
       return false;
-    }
     const Bdf2 f = bdf2(h - part, part);
-    std::swap(current_, middle);  // the second part starts from the middle
-    const bool solved =
-        solve_stage(time, {f.rate, f.current, f.previous, 0}, &middle, next, counts, reason);
-    std::swap(current_, middle);
+    std::swap(current_, middle_);  // the second part starts from the middle
+    const bool solved = solve_stage(time, {f.rate, f.current, f.previous, 0}, &middle_.state, next_,
+                                    counts, reason);
+    std::swap(current_, middle_);
     if (!solved) return false;
   } else {
     const State* previous = previous_ ? &*previous_ : nullptr;
-    if (!solve_stage(time, formula(h), previous, next, counts, reason)) return false;
+    if (!solve_stage(time, formula(h), previous, next_, counts, reason)) return false;
   }
-  if (previous_) spare_ = std::move(*previous_);
-  previous_ = std::move(current_);
-  current_ = std::move(next);
+  if (!previous_) previous_.emplace();
+  std::swap(*previous_, current_.state);
+  std::swap(current_, next_);
+  if (observer_) observer_({two_stages ? &middle_ : nullptr, current_});
   return true;
 }
 
-bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* previous, State& next,
-                                  Trajectory& counts, std::string& reason) {
-  const State& now = current_;
+bool ImplicitStepper::solve_stage(double time, const StageFormula& f, const State* previous,
+                                  Stage& stage, Trajectory& counts, std::string& reason) {
+  const State& now = state();
+  State& next = stage.state;
   x_history_ = f.current * now.x + f.derivative * now.v;
   v_history_ = f.current * now.v + f.derivative * now.a;
   if (previous && f.previous != 0) {
     x_history_ += f.previous * previous->x;
     v_history_ += f.previous * previous->v;
   }
-  const Formula c = strain_formula(time - now.time, f);
+  const StageFormula c = strain_formula(time - now.time, f);
   strain_rate_ = c.rate;
   c_history_ = c.current * now.c + c.derivative * now.c_rate;
   if (previous && c.previous != 0) c_history_ += c.previous * previous->c;
+  stage.formula = f;
+  stage.strain_formula = c;
   next.time = time;
   if (air_) air_->at(time, next.air);
   predict(time, f.rate, next.x);
@@ -162,46 +158,7 @@ bool ImplicitStepper::solve_stage(double time, const Formula& f, const State* pr
   prescribe_accelerations(fixtures_, time, next.a);
   model_.strains(next.x, next.c);
   next.c_rate = strain_rate_ * next.c - c_history_;
-  if (followed()) differentiate(next, previous, f, c);
   return true;
-}
-
-/// The derivative of the stage's equation, sensitivity.h.
-void ImplicitStepper::differentiate(State& next, const State* previous, const Formula& f,
-                                    const Formula& c) {
-  const StateDerivatives& now = current_.derivatives;
-  StateDerivatives& h = history_;
-  h.x = f.current * now.x;
-  h.v = f.current * now.v;
-  if (f.derivative != 0) {
-    h.x += f.derivative * now.v;
-    h.v += f.derivative * now.a;
-  }
-  StrainHistory strain_history;
-  strain_history.add(c.current, now.c);
-  strain_history.add(c.derivative, now.c_rate);
-  if (previous && f.previous != 0) {
-    h.x += f.previous * previous->derivatives.x;
-    h.v += f.previous * previous->derivatives.v;
-  }
-  if (previous) strain_history.add(c.previous, previous->derivatives.c);
-
-  response_.set_state(model_, next, parameters_, strain_history);
-  response_.add_inertia(model_.masses(), f.rate, h.x, h.v);
-  response_.add_velocity_history(h.x);
-  StateDerivatives& d = next.derivatives;
-  const bool solved = response_.solve(hessian_, preconditioner_, d.x);
-  if (!solved || last_factor_ != Factor::of_matrix) ++inexact_;
-  d.v = f.rate * d.x - h.x;
-  d.a = f.rate * d.v - h.v;
-  response_.strains().multiply(d.x, d.c);
-  d.c_rate.resizeLike(d.c);
-  for (int i = 0; i < d.c.rows(); ++i)
-    row_of(d.c_rate, i) = strain_rate_ * row_of(d.c, i) - strain_history.row(i);
-}
-
-Directions ImplicitStepper::reaction_derivatives() {
-  return response_.reactions(hessian_, fixtures_, current_.derivatives.x);
 }
 
 double ImplicitStepper::step_energy(const Points& x, double rate) const {
@@ -217,8 +174,9 @@ void ImplicitStepper::predict(double time, double rate, Points& x) {
   // Where the fabric is soft or slow, its accelerations go on; where it is stiff, those of
   // stretching come and go within a step, and the path without forces is nearer. The step's own
   // energy tells.
-  const double h = time - current_.time;
-  x = current_.x + h * current_.v + 0.5 * h * h * current_.a;
+  const State& now = state();
+  const double h = time - now.time;
+  x = now.x + h * now.v + 0.5 * h * h * now.a;
   trial_ = (rate * x_history_ + v_history_) / (rate * rate);
   prescribe_positions(fixtures_, time, x);
   prescribe_positions(fixtures_, time, trial_);
@@ -231,17 +189,19 @@ void ImplicitStepper::predict(double time, double rate, Points& x) {
 }
 
 /// gradient_ of the step's energy (with drag as a force) at the free vertices and, unless `kind` is
-/// empty, hessian_.
+/// empty, the matrix.
 void ImplicitStepper::linearize(const State& next, double rate, std::optional<HessianKind> kind) {
   velocity_ = rate * next.x - x_history_;
   prescribe_velocities(fixtures_, next.time, velocity_);
   drag_.setZero(3, velocity_.cols());
   if (air_) velocity_in_air_ = velocity_ - next.air;
-  model_.add_drag(next.x, velocity_in_air(), drag_);
+  const StepPoint at = point(next.x, rate);
+  model_.add_drag(at.x, at.velocity_in_air, drag_);
   if (kind) {
-    assemble(next.x, rate, *kind, gradient_, hessian_);
+    matrix_.assemble(at, *kind, gradient_);
+    ++work_.hessians;
   } else {
-    model_.potential_gradient(next.x, {strain_rate_, &c_history_}, gradient_);
+    model_.potential_gradient(at.x, at.damping, gradient_);
   }
   for (Eigen::Index i = 0; i < gradient_.cols(); ++i) {
     if (held_[static_cast<std::size_t>(i)]) {
@@ -253,49 +213,35 @@ void ImplicitStepper::linearize(const State& next, double rate, std::optional<He
   }
 }
 
-/// Hessian of the step's energy and of drag, and the gradient of the potential alone.
-void ImplicitStepper::assemble(const Points& x, double rate, HessianKind kind, Points& gradient,
-                               SparseMatrix& hessian) {
-  hessian.coeffs().setZero();
-  model_.potential_hessian(x, {strain_rate_, &c_history_}, kind, gradient, hessian);
-  model_.add_drag_damping(x, velocity_in_air(), rate, hessian);
-  const auto diagonal = model_.diagonal_slots();
-  for (Eigen::Index i = 0; i < x.cols(); ++i) {
-    for (int k = 0; k < 3; ++k) {
-      hessian.valuePtr()[diagonal[static_cast<std::size_t>(3 * i + k)]] +=
-          model_.masses()(i) * rate * rate;
-    }
+StepPoint ImplicitStepper::point(const Points& x, double rate) const {
+  return {x, air_ ? velocity_in_air_ : velocity_, {strain_rate_, &c_history_}, rate};
+}
+
+bool ImplicitStepper::refactorize(const Points& x, double rate, Trajectory& counts) {
+  const StepMatrix::Factor factor = matrix_.factorize(point(x, rate));
+  ++counts.factorizations;
+  if (factor != StepMatrix::Factor::of_matrix) {
+    ++counts.factorizations;
+    ++work_.hessians;
   }
+  factor_rate_ = factor == StepMatrix::Factor::none ? 0 : rate;
+  return factor_rate_ > 0;
 }
 
-/// A new factor: of hessian_ or, if that is indefinite, of its positive definite projection.
-ImplicitStepper::Factor ImplicitStepper::refactorize(const Points& x, double rate,
-                                                     Trajectory& counts) {
-  factor_rate_ = rate;
-  ++counts.factorizations;
-  if (preconditioner_.factorize(hessian_)) return Factor::of_matrix;
-  assemble(x, rate, HessianKind::positive_semidefinite, unused_gradient_, projected_hessian_);
-  ++work_.hessians;
-  ++counts.factorizations;
-  if (preconditioner_.factorize(projected_hessian_)) return Factor::of_projection;
-  factor_rate_ = 0;
-  return Factor::none;
-}
-
-/// direction_ = - hessian_^-1 gradient_, nearly, by conjugate gradients that start from the factor
+/// direction_ = - matrix^-1 gradient_, nearly, by conjugate gradients that start from the factor
 /// at hand. They stop early where the matrix turns out to be indefinite: what they have by then
 /// leads downhill. False if the factor is too far from the matrix.
 bool ImplicitStepper::find_direction() {
   residual_ = -gradient_;
   scaled_residual_ = residual_;
-  preconditioner_.solve(scaled_residual_);
+  matrix_.factor().solve(scaled_residual_);
   search_ = scaled_residual_;
   direction_.setZero(3, gradient_.cols());
   double square = residual_.cwiseProduct(scaled_residual_).sum();
   const double goal = kLinearTolerance * kLinearTolerance * square;
   for (int iteration = 0; iteration < max_linear_iterations_; ++iteration) {
     ++work_.linear_iterations;
-    flat(product_).noalias() = hessian_.selfadjointView<Eigen::Lower>() * flat(search_);
+    flat(product_).noalias() = matrix_.matrix().selfadjointView<Eigen::Lower>() * flat(search_);
     for (const PointFixture& fixture : fixtures_) product_.col(fixture.vertex).setZero();
     const double curvature = search_.cwiseProduct(product_).sum();
     if (!(curvature > 0)) {
@@ -306,7 +252,7 @@ bool ImplicitStepper::find_direction() {
     direction_ += length * search_;
     residual_ -= length * product_;
     scaled_residual_ = residual_;
-    preconditioner_.solve(scaled_residual_);
+    matrix_.factor().solve(scaled_residual_);
     const double next_square = residual_.cwiseProduct(scaled_residual_).sum();
     if (next_square <= goal) return true;
     search_ = scaled_residual_ + next_square / square * search_;
@@ -340,37 +286,26 @@ bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::
     factor_rate_ = 0;  // whatever led here, do not trust this factor
     return false;
   };
-  const char* const not_definite = "the matrix of a step is not positive definite";
   double change = kInfinity;
   for (int iteration = 0; iteration < options_.max_newton_iterations; ++iteration) {
     ++counts.newton_iterations;
     const bool near = change < std::max(kNearSolution, tolerance);
     if (near) {
-      if (followed()) {
-        linearize(next, rate, HessianKind::exact);
-        ++work_.hessians;
-        last_factor_ = refactorize(next.x, rate, counts);
-        if (last_factor_ == Factor::none) return fail(not_definite);
-      } else {
-        linearize(next, rate, std::nullopt);
-      }
+      linearize(next, rate, std::nullopt);
       direction_ = -gradient_;
-      preconditioner_.solve(direction_);
-      if (change < tolerance || direction_.cwiseAbs().maxCoeff() < kLastChange * tolerance) {
+      matrix_.factor().solve(direction_);
+      if (direction_.cwiseAbs().maxCoeff() < kLastChange * tolerance) {
         next.x += direction_;
         return true;
       }
     }
     // Far from the solution the exact Hessian is often indefinite.
-    if (!near || !followed()) {
-      linearize(next, rate,
-                iteration == 0 ? HessianKind::positive_semidefinite : HessianKind::exact);
-      ++work_.hessians;
-    }
+    linearize(next, rate, iteration == 0 ? HessianKind::positive_semidefinite : HessianKind::exact);
     const double rate_change = factor_rate_ > 0 ? std::abs(std::log(rate / factor_rate_)) : 1;
     const bool usable = rate_change < std::log(kMaxRateChange);
     if (!usable || !find_direction()) {
-      if (refactorize(next.x, rate, counts) == Factor::none) return fail(not_definite);
+      if (!refactorize(next.x, rate, counts))
+        return fail("the matrix of a step is not positive definite");
       find_direction();
     }
     const double largest = direction_.cwiseAbs().maxCoeff();
@@ -379,7 +314,7 @@ bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::
     if (fraction == 0) return fail("no step along Newton's direction lowers the energy");
     change = fraction * largest;
     next.x += fraction * direction_;
-    if (change < tolerance && !followed()) return true;
+    if (change < tolerance) return true;
   }
   return fail("Newton's method did not converge");
 }

@@ -40,15 +40,35 @@
 /// state. Both parts have the same r; the step is of second order and, as BDF2, damps what it
 /// cannot resolve. It also restarts BDF2 where a step is more than 2.2 times the one before (BDF2
 /// is stable up to 1 + sqrt 2).
+#include <functional>
 #include <optional>
 #include <string>
 
-#include "weft/dynamics/linear_response.h"
 #include "weft/dynamics/simulate.h"
-#include "weft/dynamics/sparse_cholesky.h"
 #include "weft/dynamics/state.h"
+#include "weft/dynamics/step_matrix.h"
 
 namespace weft {
+
+/// r, p, q and s of the table above.
+struct StageFormula {
+  double rate, current, previous, derivative;
+};
+
+/// A solved equation of motion: the state it leads to, and by which formulas.
+struct Stage {
+  State state;
+  StageFormula formula;         ///< of x and v
+  StageFormula strain_formula;  ///< of the strains
+};
+
+/// A step that was taken. The first of BDF2 has a stage in its middle: its end has the middle as
+/// the current state and the start as the previous one.
+struct ImplicitStep {
+  const Stage* middle;  ///< null: there is none
+  const Stage& end;
+};
+using ImplicitStepObserver = std::function<void(const ImplicitStep&)>;
 
 /// Advances a state with one of the implicit integrators. A step that cannot be solved is halved.
 ///
@@ -56,23 +76,15 @@ namespace weft {
 /// the exact one is often indefinite), conjugate gradients for the linear systems, a line search on
 /// the step's energy. The preconditioner is a factor in single precision that is kept from
 /// iteration to iteration and from step to step until it no longer serves. A step ends when the
-/// last change of each coordinate is below newton_tolerance. Where derivatives are followed, that
-/// change comes from a new factor of the exact Hessian, and both serve the derivatives: these are
-/// of a state that differs from the step's by that change.
+/// last change of each coordinate is below newton_tolerance.
 class ImplicitStepper {
  public:
   ImplicitStepper(const ClothModel& model, const std::vector<PointFixture>& fixtures,
                   const SimulationOptions& options, const AirMotion* air = nullptr);
 
-  void start(State state);
-  /// The same, with the derivatives by `parameters` followed from those of `state`.
-  void start(State state, std::vector<int> parameters);
-  /// Derivatives of the forces that hold the fixtures, at the end of the last step: 3 fixtures
-  /// rows.
-  Directions reaction_derivatives();
-  /// Linear systems of the derivatives that were not solved as they should (sensitivity.h).
-  long inexact() const { return inexact_; }
-  const State& state() const { return current_; }
+  /// `observer`: called after each step.
+  void start(State state, ImplicitStepObserver observer = {});
+  const State& state() const { return current_.state; }
   /// What the steps were made of so far, besides what Trajectory counts.
   struct Work {
     long hessians = 0;           // assembled
@@ -84,26 +96,18 @@ class ImplicitStepper {
   bool advance(double time, Trajectory& counts, const StepObserver& observer, std::string& reason);
 
  private:
-  struct Formula {
-    double rate, current, previous, derivative;  // r, p, q, s
-  };
-  Formula formula(double h) const;
-  Formula strain_formula(double h, const Formula& f) const;
+  StageFormula formula(double h) const;
+  StageFormula strain_formula(double h, const StageFormula& f) const;
   bool needs_start_step(double h) const;
   bool take_step(double time, Trajectory& counts, std::string& reason);
-  bool solve_stage(double time, const Formula& f, const State* previous, State& next,
+  bool solve_stage(double time, const StageFormula& f, const State* previous, Stage& next,
                    Trajectory& counts, std::string& reason);
   bool newton(State& next, double rate, Trajectory& counts, std::string& reason);
-  bool followed() const { return current_.derivatives.followed(); }
-  void differentiate(State& next, const State* previous, const Formula& f, const Formula& c);
   void predict(double time, double rate, Points& x);
   double step_energy(const Points& x, double rate) const;
   void linearize(const State& next, double rate, std::optional<HessianKind> kind);
-  void assemble(const Points& x, double rate, HessianKind kind, Points& gradient,
-                SparseMatrix& hessian);
-  const Points& velocity_in_air() const { return air_ ? velocity_in_air_ : velocity_; }
-  enum class Factor { of_matrix, of_projection, none };
-  Factor refactorize(const Points& x, double rate, Trajectory& counts);
+  StepPoint point(const Points& x, double rate) const;
+  bool refactorize(const Points& x, double rate, Trajectory& counts);
   bool find_direction();
   double search_line(const Points& x, double rate);
 
@@ -111,13 +115,14 @@ class ImplicitStepper {
   const std::vector<PointFixture>& fixtures_;
   SimulationOptions options_;
   const AirMotion* air_;  // null: still
+  ImplicitStepObserver observer_;
   std::vector<char> held_;
   int max_linear_iterations_;
-  SparseCholesky<float> preconditioner_;
+  StepMatrix matrix_;       // its factor is kept as a preconditioner
   double factor_rate_ = 0;  // of the step that the factor was made for; 0: none yet
-  State current_;
+  Stage current_;           // its formulas are those of the last step
   std::optional<State> previous_;
-  State spare_;  // storage of a state that is done with
+  Stage middle_, next_;
   // Of the step at hand.
   Points x_history_, v_history_;
   VecX c_history_;
@@ -125,17 +130,10 @@ class ImplicitStepper {
   double energy_ = 0;  // of the step, at the positions at hand, but for drag
   Work work_;
   // Work space.
-  SparseMatrix hessian_, projected_hessian_;
   Points velocity_;
   Points velocity_in_air_;  // in moving air only
-  Points gradient_, unused_gradient_, drag_, direction_, trial_;
+  Points gradient_, drag_, direction_, trial_;
   Points residual_, scaled_residual_, search_, product_;
-  // Derivatives.
-  std::vector<int> parameters_;
-  LinearResponse response_;
-  StateDerivatives history_;
-  Factor last_factor_ = Factor::none;  // of the Newton step that ended the stage
-  long inexact_ = 0;
 };
 
 }  // namespace weft

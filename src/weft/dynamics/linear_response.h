@@ -9,6 +9,11 @@
 
 namespace weft {
 
+/// Derivatives of a state by parameters of the fabric.
+struct StateDerivatives {
+  Directions x, v, a, c, c_rate;
+};
+
 /// H(dC), the history of the strains' derivatives in a step: a sum of the derivatives of states
 /// before, which it refers to.
 class StrainHistory {

@@ -14,10 +14,11 @@
 /// damping and drag on position is there; nothing is left out. The equilibrium that a motion starts
 /// from gives dx = -K^-1 d(grad P)/dtheta (the implicit function theorem).
 ///
-/// All parameters are solved for at once, with one factor a step (single precision, refined in
-/// double until the correction to come, judged by the rate at which they shrink, is below 1e-7 of
-/// the largest entry). Matrix and factor are those of Newton's last change (implicit_stepper.h):
-/// what is exact is exact to newton_tolerance, as the motion itself.
+/// All parameters are solved for at once, with one factor a step of its exact matrix (single
+/// precision, refined in double until the correction to come, judged by the rate at which they
+/// shrink, is below 1e-7 of the largest entry). They are exact where the step ends, to within
+/// newton_tolerance of its solution. A step does not need them, so that they can follow on a thread
+/// of their own.
 #include <vector>
 
 #include "weft/dynamics/simulate.h"
@@ -32,7 +33,8 @@ struct Sensitivities {
   std::vector<Directions> v;          ///< [frame](3 vertices, parameter), m/s per unit
   std::vector<Directions> reactions;  ///< [frame](3 fixtures, parameter), N per unit
   /// Systems whose matrix was not positive definite, or that did not reach the tolerance: their
-  /// solution is that of the nearest positive definite matrix, or the last iterate. 0 is usual.
+  /// solution is that of the nearest positive definite matrix, or the last iterate (where there is
+  /// none, what the step began with). 0 is usual.
   long inexact = 0;
 };
 
@@ -42,12 +44,13 @@ struct TrajectoryWithSensitivities {
 };
 
 /// simulate(), and the derivatives by `parameters` (indices into the model's table, distinct, 1 to
-/// kDirections of them). The trajectory is that of simulate(), to newton_tolerance in each step
-/// (the factors at hand differ). Throws Error for Integrator::runge_kutta, parameters out of range,
-/// and what simulate() throws. If the simulation diverges there are derivatives for the frames that
-/// were reached.
+/// kDirections of them). The trajectory is that of simulate(). `threads`: 2 or more: derivatives
+/// follow on a second one, with the same results. Throws Error for Integrator::runge_kutta,
+/// parameters out of range, and what simulate() throws. If the simulation diverges there are
+/// derivatives for the frames that were reached.
 TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, const Fabric& fabric,
                                                         const std::vector<int>& parameters,
-                                                        const SimulationOptions& options = {});
+                                                        const SimulationOptions& options = {},
+                                                        int threads = 1);
 
 }  // namespace weft

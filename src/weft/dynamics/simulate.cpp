@@ -6,10 +6,11 @@
 #include <array>
 #include <cmath>
 
+#include "weft/base/conveyor.h"
 #include "weft/base/error.h"
 #include "weft/dynamics/air.h"
 #include "weft/dynamics/implicit_stepper.h"
-#include "weft/dynamics/linear_response.h"
+#include "weft/dynamics/motion_derivatives.h"
 #include "weft/dynamics/runge_kutta.h"
 #include "weft/dynamics/sensitivity.h"
 #include "weft/dynamics/state.h"
@@ -121,18 +122,60 @@ int steps_per_frame(const SimulationOptions& options) {
   return options.integrator == Integrator::runge_kutta ? 1 : options.steps_per_frame;
 }
 
+/// Derivatives on their way behind the motion: steps that were taken, and where frames are due.
+class DerivativesBehind {
+ public:
+  DerivativesBehind(MotionDerivatives& derivatives, Sensitivities& sensitivities, int threads)
+      : derivatives_(derivatives),
+        sensitivities_(sensitivities),
+        conveyor_(threads, kItems, [this](Item& item) { use(item); }) {}
+
+  void step(const ImplicitStep& taken) {
+    conveyor_.put([&](Item& item) {
+      item.has_middle = taken.middle != nullptr;
+      if (taken.middle) item.middle = *taken.middle;
+      item.end = taken.end;
+      item.is_frame = false;
+    });
+  }
+  void frame() {
+    conveyor_.put([](Item& item) { item.is_frame = true; });
+  }
+  void finish() { conveyor_.finish(); }
+
+ private:
+  static constexpr std::size_t kItems = 8;  // two frames of steps that need more or less work
+
+  struct Item {
+    bool is_frame = false;  // otherwise a step
+    bool has_middle = false;
+    Stage middle, end;
+  };
+
+  void use(const Item& item) {
+    if (!item.is_frame)
+      return derivatives_.follow({item.has_middle ? &item.middle : nullptr, item.end});
+    sensitivities_.x.push_back(derivatives_.current().x);
+    sensitivities_.v.push_back(derivatives_.current().v);
+    // Those of the first frame are there: it is no step's end.
+    if (sensitivities_.x.size() > 1) sensitivities_.reactions.push_back(derivatives_.reactions());
+  }
+
+  MotionDerivatives& derivatives_;
+  Sensitivities& sensitivities_;
+  Conveyor<Item> conveyor_;
+};
+
 class Run {
  public:
   Run(const ClothModel& model, const Scene& scene, const AirMotion* air,
-      const SimulationOptions& options, const StepObserver& observer, Trajectory& trajectory,
-      Sensitivities* sensitivities)
+      const SimulationOptions& options, const StepObserver& observer, Trajectory& trajectory)
       : model_(model),
         scene_(scene),
         air_(air),
         options_(options),
         observer_(observer),
-        trajectory_(trajectory),
-        sensitivities_(sensitivities) {}
+        trajectory_(trajectory) {}
 
   void run_explicit(State start) {
     RungeKuttaStepper stepper(model_, scene_.fixtures, options_);
@@ -142,30 +185,32 @@ class Run {
 
   void run_implicit(State start) {
     ImplicitStepper stepper(model_, scene_.fixtures, options_, air_);
-    if (!sensitivities_) {
-      stepper.start(std::move(start));
-      return follow(stepper, [] {});
-    }
+    stepper.start(std::move(start));
+    follow(stepper, [] {});
+  }
+
+  void run_with_derivatives(State start, Sensitivities& sensitivities, int threads) {
     Directions held;
-    start.derivatives = derivatives_at_rest(
-        model_, scene_.fixtures, start, sensitivities_->parameters,
-        options_.settle == SimulationOptions::Settle::equilibrium, held, sensitivities_->inexact);
-    stepper.start(std::move(start), sensitivities_->parameters);
-    follow(stepper, [&] {
-      if (!sensitivities_->x.empty()) held = stepper.reaction_derivatives();
-      sensitivities_->x.push_back(stepper.state().derivatives.x);
-      sensitivities_->v.push_back(stepper.state().derivatives.v);
-      sensitivities_->reactions.push_back(held);
-    });
-    sensitivities_->inexact += stepper.inexact();
+    MotionDerivatives derivatives(
+        model_, scene_.fixtures, sensitivities.parameters,
+        derivatives_at_rest(model_, scene_.fixtures, start, sensitivities.parameters,
+                            options_.settle == SimulationOptions::Settle::equilibrium, held,
+                            sensitivities.inexact));
+    sensitivities.reactions.push_back(std::move(held));
+    ImplicitStepper stepper(model_, scene_.fixtures, options_, air_);
+    DerivativesBehind behind(derivatives, sensitivities, threads);
+    stepper.start(std::move(start), [&](const ImplicitStep& taken) { behind.step(taken); });
+    follow(stepper, [&] { behind.frame(); });
+    behind.finish();
+    sensitivities.inexact += derivatives.inexact();
   }
 
  private:
-  /// Steps from frame to frame; `keep_more` is called with each.
-  template <class Stepper, class KeepMore>
-  void follow(Stepper& stepper, const KeepMore& keep_more) {
+  /// Steps from frame to frame; `at_frame` is called at each.
+  template <class Stepper, class AtFrame>
+  void follow(Stepper& stepper, const AtFrame& at_frame) {
     keep_frame(stepper.state());
-    keep_more();
+    at_frame();
     const int steps = steps_per_frame(options_);
     for (std::size_t k = 1; k < scene_.frame_times.size(); ++k) {
       const double from = scene_.frame_times[k - 1];
@@ -178,7 +223,7 @@ class Run {
         }
       }
       keep_frame(stepper.state());
-      keep_more();
+      at_frame();
     }
   }
 
@@ -199,13 +244,13 @@ class Run {
   const SimulationOptions& options_;
   const StepObserver& observer_;
   Trajectory& trajectory_;
-  Sensitivities* sensitivities_;
   Points force_;
 };
 
+/// `sensitivities`: null, or with their parameters; they are computed with `threads`.
 Trajectory run(const Scene& scene, const AirMotion& moving_air, const Fabric& fabric,
                const SimulationOptions& options, const StepObserver& observer,
-               Sensitivities* sensitivities) {
+               Sensitivities* sensitivities, int threads) {
   check(scene, options);
   check(moving_air, scene, options);
   const AirMotion* air = moving_air.still() ? nullptr : &moving_air;
@@ -231,9 +276,11 @@ Trajectory run(const Scene& scene, const AirMotion& moving_air, const Fabric& fa
     diverge(trajectory, "the forces at the start are not finite");
     return trajectory;
   }
-  Run run(model, scene, air, options, observer, trajectory, sensitivities);
+  Run run(model, scene, air, options, observer, trajectory);
   if (options.integrator == Integrator::runge_kutta) {
     run.run_explicit(std::move(state));
+  } else if (sensitivities) {
+    run.run_with_derivatives(std::move(state), *sensitivities, threads);
   } else {
     run.run_implicit(std::move(state));
   }
@@ -244,24 +291,26 @@ Trajectory run(const Scene& scene, const AirMotion& moving_air, const Fabric& fa
 
 Trajectory simulate(const Scene& scene, const Fabric& fabric, const SimulationOptions& options,
                     const StepObserver& observer) {
-  return run(scene, {}, fabric, options, observer, nullptr);
+  return run(scene, {}, fabric, options, observer, nullptr, 1);
 }
 
 Trajectory simulate(const Scene& scene, const AirMotion& air, const Fabric& fabric,
                     const SimulationOptions& options) {
-  return run(scene, air, fabric, options, {}, nullptr);
+  return run(scene, air, fabric, options, {}, nullptr, 1);
 }
 
 TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, const Fabric& fabric,
                                                         const std::vector<int>& parameters,
-                                                        const SimulationOptions& options) {
-  return simulate_with_sensitivities(scene, {}, fabric, parameters, options);
+                                                        const SimulationOptions& options,
+                                                        int threads) {
+  return simulate_with_sensitivities(scene, {}, fabric, parameters, options, threads);
 }
 
 TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, const AirMotion& air,
                                                         const Fabric& fabric,
                                                         const std::vector<int>& parameters,
-                                                        const SimulationOptions& options) {
+                                                        const SimulationOptions& options,
+                                                        int threads) {
   if (options.integrator == Integrator::runge_kutta) {
     throw Error("sensitivities: runge-kutta has none; use bdf2, newmark or implicit-euler");
   }
@@ -280,7 +329,7 @@ TrajectoryWithSensitivities simulate_with_sensitivities(const Scene& scene, cons
   }
   TrajectoryWithSensitivities out;
   out.sensitivities.parameters = parameters;
-  out.trajectory = run(scene, air, fabric, options, {}, &out.sensitivities);
+  out.trajectory = run(scene, air, fabric, options, {}, &out.sensitivities, threads);
   return out;
 }
 

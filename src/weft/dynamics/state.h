@@ -8,12 +8,6 @@ namespace weft {
 
 struct AirMotion;
 
-/// Derivatives of a state by parameters of the fabric; all empty where they are not followed.
-struct StateDerivatives {
-  Directions x, v, a, c, c_rate;
-  bool followed() const { return x.size() > 0; }
-};
-
 /// Where the cloth is and how it moves.
 struct State {
   double time = 0;  ///< s
@@ -23,7 +17,6 @@ struct State {
   VecX c;           ///< strains of all components
   VecX c_rate;      ///< their rates as the integrator sees them, 1/s
   Points air;       ///< velocity of the air at the vertices, m/s; no columns: still
-  StateDerivatives derivatives;
 
   /// Velocity of the cloth relative to the air, what drag acts by; `storage` is for it in moving
   /// air.

@@ -6,7 +6,7 @@ namespace weft::xpbd {
 System::System(const TriangleMesh& mesh, const VecX& inverse_masses, int threads,
                int vertices_per_slab)
     : order_(slab_order(mesh, vertices_per_slab)), scheduler_(order_) {
-  const int wanted = threads > 0 ? threads : hardware_threads();
+  const int wanted = all_threads(threads);
   if (wanted > 1 && order_.slab_count() > 1)
     team_ = std::make_unique<WorkerTeam>(std::min(wanted, order_.slab_count()));
   for (const int i : order_.original) inverse_masses_.push_back(inverse_masses[i]);

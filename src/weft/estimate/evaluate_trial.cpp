@@ -62,7 +62,7 @@ void sum_up(TrialEvaluation& evaluation, double alpha) {
 }  // namespace
 
 std::size_t worker_count(std::size_t count, int threads) {
-  const int limit = threads > 0 ? threads : hardware_threads();
+  const int limit = all_threads(threads);
   return std::clamp<std::size_t>(count, 1, static_cast<std::size_t>(limit));
 }
 

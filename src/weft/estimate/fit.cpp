@@ -49,7 +49,7 @@ class Fit {
  private:
   using Key = std::pair<int, std::vector<double>>;
 
-  int all_threads() const { return options_.threads > 0 ? options_.threads : hardware_threads(); }
+  int all_threads() const { return weft::all_threads(options_.threads); }
 
   /// Of `fabric`, through the store; every evaluation of a run passes here.
   ProblemEvaluation evaluate_fabric(const Fabric& fabric, int frame_count, std::string_view phase,

@@ -200,8 +200,8 @@ class LeastSquaresFit {
     return options;
   }
 
-  /// Candidates are improved side by side: a simulation uses one core. Where one has no candidate
-  /// left it looks at frames of another's.
+  /// Candidates are improved side by side. Where a core has no candidate left it follows the
+  /// derivatives of another's motion and looks at its frames.
   void run_stage(const FitStage& stage, std::vector<Contender>& candidates) {
     const bool first = &stage == &options_.stages.front();
     if (first) keep_best(candidates, stage.survivors);  // by the screening

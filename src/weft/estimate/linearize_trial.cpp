@@ -62,8 +62,8 @@ class TrialComparer {
   TrialFrames linearize(const Fabric& fabric, const std::vector<int>& parameters,
                         const VecX& slopes, const SensitivitySimulator& simulator) const {
     const auto begin = Clock::now();
-    const TrajectoryWithSensitivities motion =
-        simulator(shortened(trial_, compared_), fabric, parameters, trial_.options.simulation);
+    const TrajectoryWithSensitivities motion = simulator(
+        shortened(trial_, compared_), fabric, parameters, trial_.options.simulation, threads_);
     TrialFrames result = prepare(motion.trajectory);
     result.inexact = motion.sensitivities.inexact;
     each_frame(result, [&](FrameResiduals& residuals, std::size_t i) {
@@ -83,8 +83,8 @@ class TrialComparer {
   };
   Patches linearize_patches(const Fabric& fabric, const std::vector<int>& parameters,
                             const VecX& slopes, const SensitivitySimulator& simulator) const {
-    const TrajectoryWithSensitivities motion =
-        simulator(shortened(trial_, compared_), fabric, parameters, trial_.options.simulation);
+    const TrajectoryWithSensitivities motion = simulator(
+        shortened(trial_, compared_), fabric, parameters, trial_.options.simulation, threads_);
     Patches result{prepare(motion.trajectory), {}};
     const std::size_t count = result.frames.frames.size();
     result.patches.resize(count);
@@ -213,8 +213,6 @@ double add_trial_share(const Trial& trial, const TrialFrames& frames, double sha
   cost += factor * sum;
   return factor;
 }
-
-int all_threads(int threads) { return threads > 0 ? threads : hardware_threads(); }
 
 /// Runs `task(trial index, threads for it)` over the trials.
 template <typename Task>

@@ -11,7 +11,8 @@ namespace weft {
 
 /// simulate_with_sensitivities(), or a stand-in.
 using SensitivitySimulator = std::function<TrajectoryWithSensitivities(
-    const Scene&, const Fabric&, const std::vector<int>& parameters, const SimulationOptions&)>;
+    const Scene&, const Fabric&, const std::vector<int>& parameters, const SimulationOptions&,
+    int threads)>;
 
 /// How a problem is looked at as least squares.
 struct LinearizationOptions {

@@ -376,6 +376,11 @@ MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const 
   VecX slopes(n);
   for (Eigen::Index i = 0; i < n; ++i) slopes[i] = scaled_slope(infos_[at(i)], scaled[i]);
 
+  // Two simulations more for each number of the scene; a task of its own each.
+  const std::size_t others = unknowns_.scene.size();
+  const std::size_t tasks = trials_.size() + 2 * others;
+  const int task_threads = std::max(1, all_threads(threads_) / static_cast<int>(tasks));
+
   std::vector<Frames> frames(trials_.size());
   const auto differentiate = [&](std::size_t t) {
     const MotionTracks& tracks = trials_[t].tracks;
@@ -385,7 +390,8 @@ MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const 
     if (indices_.empty()) {
       motion.trajectory = weft::simulate(e.scene, e.air, fabric, trials_[t].simulation);
     } else {
-      motion = simulate_with_sensitivities(e.scene, e.air, fabric, indices_, trials_[t].simulation);
+      motion = simulate_with_sensitivities(e.scene, e.air, fabric, indices_, trials_[t].simulation,
+                                           task_threads);
     }
     out.diverged = motion.trajectory.diverged;
     out.inexact = motion.sensitivities.inexact;
@@ -406,10 +412,8 @@ MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const 
       out.jacobian.push_back(std::move(jacobian));
     }
   };
-  // Two simulations more for each number of the scene; a task of its own each.
-  const std::size_t others = unknowns_.scene.size();
   std::vector<std::vector<MotionFrames>> ahead(others), behind(others);
-  parallel_for(trials_.size() + 2 * others, threads_, [&](std::size_t task) {
+  parallel_for(tasks, threads_, [&](std::size_t task) {
     if (task < trials_.size()) return differentiate(task);
     const std::size_t i = (task - trials_.size()) / 2;
     const bool forward = (task - trials_.size()) % 2 == 0;

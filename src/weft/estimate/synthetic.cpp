@@ -114,8 +114,8 @@ Trajectory true_motion(const Scene& scene, const Fabric& fabric, const Synthetic
 std::vector<Image> film(const Rig& rig, const TriangleMesh& mesh, const std::vector<Points>& motion,
                         const SyntheticOptions& options) {
   std::vector<Image> frames(motion.size());
-  const auto workers = static_cast<std::size_t>(std::min<int>(
-      options.threads > 0 ? options.threads : hardware_threads(), static_cast<int>(motion.size())));
+  const auto workers = static_cast<std::size_t>(
+      std::min(all_threads(options.threads), static_cast<int>(motion.size())));
   parallel_for(workers, options.threads, [&](std::size_t worker) {
     Renderer renderer(rig, mesh, options.render);
     for (std::size_t i = worker; i < motion.size(); i += workers) {
