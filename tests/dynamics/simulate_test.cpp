@@ -373,6 +373,19 @@ TEST(Simulate, ObserverSeesEachStepInOrder) {
   EXPECT_DOUBLE_EQ(last, 0.1);
 }
 
+TEST(Simulate, ShowsEachFrameAsItIsReached) {
+  const Scene scene = swinging_scene(0.1, 3);
+  std::vector<Points> shown;
+  const Trajectory t = simulate_frames(scene, soft_fabric(), unsettled(Integrator::bdf2),
+                                       [&](std::size_t frame, const Points& x) {
+                                         EXPECT_EQ(frame, shown.size());
+                                         shown.push_back(x);
+                                       });
+  ASSERT_FALSE(t.diverged) << t.divergence;
+  EXPECT_EQ(shown, t.frames);
+  EXPECT_EQ(shown.size(), 4u);
+}
+
 TEST(Simulate, ReportsDivergenceInsteadOfThrowing) {
   Scene scene = swinging_scene(0.5, 5);
   {  // explicit integration of a stiff, strongly damped fabric: the budget is used up

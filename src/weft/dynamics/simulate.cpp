@@ -166,15 +166,20 @@ class DerivativesBehind {
   Conveyor<Item> conveyor_;
 };
 
+struct Observers {
+  StepObserver step;
+  FrameObserver frame;
+};
+
 class Run {
  public:
   Run(const ClothModel& model, const Scene& scene, const AirMotion* air,
-      const SimulationOptions& options, const StepObserver& observer, Trajectory& trajectory)
+      const SimulationOptions& options, const Observers& observers, Trajectory& trajectory)
       : model_(model),
         scene_(scene),
         air_(air),
         options_(options),
-        observer_(observer),
+        observers_(observers),
         trajectory_(trajectory) {}
 
   void run_explicit(State start) {
@@ -218,7 +223,7 @@ class Run {
       for (int step = 1; step <= steps; ++step) {
         const double time = step == steps ? to : from + (to - from) * step / steps;
         std::string reason;
-        if (!stepper.advance(time, trajectory_, observer_, reason)) {
+        if (!stepper.advance(time, trajectory_, observers_.step, reason)) {
           return diverge(trajectory_, fmt::format("at {:.6g} s: {}", stepper.state().time, reason));
         }
       }
@@ -233,6 +238,7 @@ class Run {
     } else {
       total_force(model_, state, force_);
     }
+    if (observers_.frame) observers_.frame(trajectory_.frames.size(), state.x);
     trajectory_.frames.push_back(state.x);
     trajectory_.velocities.push_back(state.v);
     trajectory_.reactions.push_back(reactions(model_, scene_.fixtures, state.a, force_));
@@ -242,14 +248,14 @@ class Run {
   const Scene& scene_;
   const AirMotion* air_;  // null: still
   const SimulationOptions& options_;
-  const StepObserver& observer_;
+  const Observers& observers_;
   Trajectory& trajectory_;
   Points force_;
 };
 
 /// `sensitivities`: null, or with their parameters; they are computed with `threads`.
 Trajectory run(const Scene& scene, const AirMotion& moving_air, const Fabric& fabric,
-               const SimulationOptions& options, const StepObserver& observer,
+               const SimulationOptions& options, const Observers& observers,
                Sensitivities* sensitivities, int threads) {
   check(scene, options);
   check(moving_air, scene, options);
@@ -276,7 +282,7 @@ Trajectory run(const Scene& scene, const AirMotion& moving_air, const Fabric& fa
     diverge(trajectory, "the forces at the start are not finite");
     return trajectory;
   }
-  Run run(model, scene, air, options, observer, trajectory);
+  Run run(model, scene, air, options, observers, trajectory);
   if (options.integrator == Integrator::runge_kutta) {
     run.run_explicit(std::move(state));
   } else if (sensitivities) {
@@ -291,7 +297,12 @@ Trajectory run(const Scene& scene, const AirMotion& moving_air, const Fabric& fa
 
 Trajectory simulate(const Scene& scene, const Fabric& fabric, const SimulationOptions& options,
                     const StepObserver& observer) {
-  return run(scene, {}, fabric, options, observer, nullptr, 1);
+  return run(scene, {}, fabric, options, {observer, {}}, nullptr, 1);
+}
+
+Trajectory simulate_frames(const Scene& scene, const Fabric& fabric,
+                           const SimulationOptions& options, const FrameObserver& observer) {
+  return run(scene, {}, fabric, options, {{}, observer}, nullptr, 1);
 }
 
 Trajectory simulate(const Scene& scene, const AirMotion& air, const Fabric& fabric,

@@ -69,9 +69,17 @@ struct SimulationOptions {
 /// Called after each finished step with time, positions and velocities.
 using StepObserver = std::function<void(double time, const Points& x, const Points& v)>;
 
+/// Called with each frame as it is reached, in order.
+using FrameObserver = std::function<void(std::size_t frame, const Points& x)>;
+
 /// Simulates `fabric` in `scene`. Never throws for a simulation that goes wrong: see
 /// Trajectory::diverged. Frames that were reached are kept.
 Trajectory simulate(const Scene& scene, const Fabric& fabric, const SimulationOptions& options = {},
                     const StepObserver& observer = {});
+
+/// The same, with an observer of frames instead of steps: what looks at them need not wait for the
+/// end.
+Trajectory simulate_frames(const Scene& scene, const Fabric& fabric,
+                           const SimulationOptions& options, const FrameObserver& observer);
 
 }  // namespace weft

@@ -30,16 +30,6 @@ class Eye {
   AngleMapper mapper_;
 };
 
-void compare_frames(const Trial& trial, const Trajectory& trajectory, int threads,
-                    std::vector<FrameError>& errors) {
-  for_each_with_tool(
-      errors.size(), threads, [&] { return Eye(trial); },
-      [&](Eye& eye, std::size_t i) {
-        errors[i] = eye.compare_with(
-            trial.features[i], trajectory.frames[i + static_cast<std::size_t>(trial.first_frame)]);
-      });
-}
-
 void sum_up(TrialEvaluation& evaluation, double alpha) {
   if (evaluation.diverged) {
     evaluation.error = evaluation.fold = evaluation.silhouette = evaluation.error_per_mask_pixel =
@@ -74,13 +64,21 @@ TrialEvaluation evaluate_scene(const Trial& trial, Scene scene, const Fabric& fa
   scene.frame_times.resize(static_cast<std::size_t>(trial.first_frame + compared));
 
   TrialEvaluation evaluation;
-  Trajectory motion = simulate(scene, fabric, trial.options.simulation);
-  evaluation.simulation_s = seconds_since(start);
+  evaluation.frames.resize(static_cast<std::size_t>(compared));
+  Trajectory motion;
+  std::vector<Points> shapes(evaluation.frames.size());
+  const std::size_t reached = for_each_while_made(
+      shapes.size(), threads, [&] { return Eye(trial); },
+      [&](const auto& ready) {
+        motion = simulate_compared(trial, scene, fabric, shapes, ready);
+        evaluation.simulation_s = seconds_since(start);
+      },
+      [&](Eye& eye, std::size_t i) {
+        evaluation.frames[i] = eye.compare_with(trial.features[i], shapes[i]);
+      });
+  evaluation.frames.resize(reached);
   evaluation.diverged = motion.diverged;
   evaluation.divergence = motion.divergence;
-  const int reached = int(motion.frames.size()) - trial.first_frame;
-  evaluation.frames.resize(static_cast<std::size_t>(std::clamp(reached, 0, compared)));
-  compare_frames(trial, motion, threads, evaluation.frames);
   sum_up(evaluation, trial.options.alpha);
   if (trajectory) *trajectory = std::move(motion);
   evaluation.wall_s = seconds_since(start);

@@ -47,13 +47,21 @@ class TrialComparer {
 
   TrialFrames evaluate(const Fabric& fabric) const {
     const auto begin = Clock::now();
-    const Trajectory motion =
-        simulate(shortened(trial_, compared_), fabric, trial_.options.simulation);
-    TrialFrames result = prepare(motion);
-    each_frame(result, [&](FrameResiduals& residuals, std::size_t i) {
-      static_cast<FrameCost&>(result.frames[i]) =
-          residuals.evaluate(trial_.features[i], motion.frames[i + first()]);
-    });
+    TrialFrames result;
+    result.frames.resize(static_cast<std::size_t>(compared_));
+    std::vector<Points> shapes(result.frames.size());
+    const std::size_t reached = for_each_while_made(
+        shapes.size(), threads_, [&] { return residuals(); },
+        [&](const auto& ready) {
+          const Trajectory motion =
+              simulate_compared(trial_, shortened(trial_, compared_), fabric, shapes, ready);
+          result.diverged = motion.diverged;
+        },
+        [&](FrameResiduals& tool, std::size_t i) {
+          static_cast<FrameCost&>(result.frames[i]) = tool.evaluate(trial_.features[i], shapes[i]);
+        });
+    result.diverged = result.diverged || reached < shapes.size();
+    if (result.diverged) result.frames.clear();
     result.wall_s = seconds_since(begin);
     return result;
   }
@@ -167,15 +175,15 @@ class TrialComparer {
     return result;
   }
 
+  FrameResiduals residuals() const {
+    return {trial_.capture.rig, trial_.scene.mesh, trial_.options.render, trial_.options.angle_map,
+            residual_};
+  }
+
   template <typename Task>
   void each_frame(const TrialFrames& result, const Task& task) const {
     for_each_with_tool(
-        result.frames.size(), threads_,
-        [&] {
-          return FrameResiduals(trial_.capture.rig, trial_.scene.mesh, trial_.options.render,
-                                trial_.options.angle_map, residual_);
-        },
-        task);
+        result.frames.size(), threads_, [&] { return residuals(); }, task);
   }
 
   const Trial& trial_;
