@@ -239,9 +239,8 @@ void Study::derivatives() const {
     LinearizationOptions options = linearization(terms);
     options.threads = 1;
     options.simulator = [&](const Scene&, const Fabric&, const std::vector<int>&,
-                            const SimulationOptions&) -> const TrajectoryWithSensitivities& {
-      return motion;
-    };
+                            const SimulationOptions&,
+                            int) -> const TrajectoryWithSensitivities& { return motion; };
     const Problem& p = terms.silhouette > 0 ? with : without;
     const double frames = trial_->frame_count();
     const auto timed = [&](QuadraticModel& model) {
