@@ -84,19 +84,17 @@ const Scene& settled_scene(int side, std::int64_t fabric_index) {
   return scenes[{side, fabric_index}] = std::move(scene);
 }
 
-/// Processor time, s.
-double processor_since(std::clock_t begin) {
-  return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
-}
+double processor_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+double wall_seconds() { return seconds_since(Clock::time_point()); }
 
-/// Processor time of one call, s: the least of a few.
+/// What one call takes by the clock `now`, s: the least of a few.
 template <class F>
-double seconds_of(const F& f) {
+double seconds_of(const F& f, double (*now)() = processor_seconds) {
   double least = 1e300;
   for (int i = 0; i < 3; ++i) {
-    const std::clock_t begin = std::clock();
+    const double begin = now();
     f();
-    least = std::min(least, processor_since(begin));
+    least = std::min(least, now() - begin);
   }
   return least;
 }
@@ -155,27 +153,24 @@ void frame(benchmark::State& state) {
   ImplicitStepper::Work work;
   double seconds = 1e300;  // the least of the runs
   for (auto _ : state) {
-    const std::clock_t begin = std::clock();
+    const double begin = processor_seconds();
     ImplicitStepper stepper(model, scene.fixtures, options);
     stepper.start(state_from_rest(model, scene.fixtures, begin_time, scene.start));
     std::string reason;
     for (int step = 1; step <= frames * options.steps_per_frame; ++step)
       if (!stepper.advance(begin_time + step * h, counts, {}, reason))
         return state.SkipWithError(reason.c_str());
-    seconds = std::min(seconds, processor_since(begin));
+    seconds = std::min(seconds, processor_seconds() - begin);
     work = stepper.work();
   }
   const double runs = static_cast<double>(state.iterations());
   const double ms = 1000 / static_cast<double>(frames);
   const std::vector<int> all{0, 1, 2, 3, 4, 5, 6, 7, 8};
-  const double with_gradient = seconds_of(
-      [&] { benchmark::DoNotOptimize(simulate_with_sensitivities(scene, fabric, all, options)); });
-  double two_threads = 1e300;
-  for (int i = 0; i < 3; ++i) {
-    const auto begin = Clock::now();
-    benchmark::DoNotOptimize(simulate_with_sensitivities(scene, fabric, all, options, 2));
-    two_threads = std::min(two_threads, seconds_since(begin));
-  }
+  const auto with_derivatives = [&](int threads) {
+    benchmark::DoNotOptimize(simulate_with_sensitivities(scene, fabric, all, options, threads));
+  };
+  const double with_gradient = seconds_of([&] { with_derivatives(1); });
+  const double two_threads = seconds_of([&] { with_derivatives(2); }, wall_seconds);
   const PartCosts cost = part_costs(scene, fabric, 1.5 / h);
   const double hessians = cost.hessian * static_cast<double>(work.hessians);
   const double factors = cost.factor * static_cast<double>(counts.factorizations) / runs;

@@ -56,6 +56,10 @@ std::size_t worker_count(std::size_t count, int threads) {
   return std::clamp<std::size_t>(count, 1, static_cast<std::size_t>(limit));
 }
 
+int threads_each(std::size_t tasks, int threads) {
+  return std::max(1, all_threads(threads) / static_cast<int>(tasks));
+}
+
 TrialEvaluation evaluate_scene(const Trial& trial, Scene scene, const Fabric& fabric,
                                int frame_count, Trajectory* trajectory, int threads) {
   const auto start = Clock::now();

@@ -27,6 +27,8 @@ Trajectory simulate_compared(const Trial& trial, const Scene& scene, const Fabri
 
 /// How many workers share `count` tasks on up to `threads` threads (0: all cores); at least 1.
 std::size_t worker_count(std::size_t count, int threads);
+/// How many of `threads` threads (0: all cores) are there for each of `tasks` tasks; at least 1.
+int threads_each(std::size_t tasks, int threads);
 
 /// Runs task(tool, 0) ... task(tool, count - 1) on up to `threads` threads (0: all cores), each
 /// with a tool of its own, which make_tool() returns. A worker takes what is next, so that one that

@@ -225,7 +225,7 @@ double add_trial_share(const Trial& trial, const TrialFrames& frames, double sha
 /// Runs `task(trial index, threads for it)` over the trials.
 template <typename Task>
 void each_trial(std::size_t count, int threads, const Task& task) {
-  const int inner = std::max(1, all_threads(threads) / static_cast<int>(count));
+  const int inner = threads_each(count, threads);
   parallel_for(count, threads, [&](std::size_t i) { task(i, inner); });
 }
 

@@ -12,6 +12,7 @@
 #include "weft/base/parallel.h"
 #include "weft/base/quantile.h"
 #include "weft/estimate/estimate_scatter.h"
+#include "weft/estimate/evaluate_trial.h"
 
 namespace weft {
 namespace {
@@ -379,7 +380,7 @@ MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const 
   // Two simulations more for each number of the scene; a task of its own each.
   const std::size_t others = unknowns_.scene.size();
   const std::size_t tasks = trials_.size() + 2 * others;
-  const int task_threads = std::max(1, all_threads(threads_) / static_cast<int>(tasks));
+  const int task_threads = threads_each(tasks, threads_);
 
   std::vector<Frames> frames(trials_.size());
   const auto differentiate = [&](std::size_t t) {
