@@ -115,8 +115,6 @@ TEST(SimulateMechanical, CantileverFollowsTheElastica) {
   }
 }
 
-// Another program's equilibria at the parameters that it ran with. Forces of the strip at 45
-// degrees agree to 0.04 % on a fine mesh, shapes of the cantilever to 0.25 mm; this one is coarser.
 /// A strip between two clips, pulled to each elongation in turn; without gravity.
 MechanicalCapture pulled_strip(const VecX& elongations) {
   MechanicalCapture capture;
@@ -174,6 +172,8 @@ TEST(SimulateMechanical, FrictionGoesAlongFromFrameToFrame) {
   EXPECT_NEAR(frames[2].forces(0, 1) - frames[4].forces(0, 1), 0.02 * 8, 0.02 * 8 * 0.06);
 }
 
+// Another program's equilibria at the parameters that it ran with. Forces of the strip at 45
+// degrees agree to 0.04 % on a fine mesh, shapes of the cantilever to 0.25 mm; this one is coarser.
 TEST(CompareMechanical, TrueParametersReproduceAnotherProgram) {
   const auto strip =
       prepare_mechanical(read_mechanical_capture(kData / "blend_strip_45"), with_cells(6));

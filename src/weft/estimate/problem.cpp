@@ -93,7 +93,7 @@ ProblemEvaluation evaluate(const Problem& problem, const Fabric& fabric, int fra
   if (problem.evaluator()) return problem.evaluator()(fabric, frame_count);
   const auto& trials = problem.trials();
   std::vector<TrialEvaluation> evaluations(trials.size());
-  const int inner = trials.size() == 1 ? threads : 1;
+  const int inner = threads_each(trials.size(), threads);
   parallel_for(trials.size(), threads, [&](std::size_t i) {
     evaluations[i] = evaluate(*trials[i], fabric, frame_count, nullptr, inner);
   });
