@@ -3,7 +3,7 @@
   blender --background --python scripts/blender_capture.py -- OUT --preset Denim [OPTION ...]
 
 writes the capture folder OUT (docs/formats.md) with the true surface and the source's constants in OUT/truth.
-Needs Blender 3.4 with Cycles (Debian: blender, python3-numpy) and ffmpeg; 100 frames take some 15 minutes of
+Needs Blender 3.4 with Cycles (Debian: blender, python3-numpy) and ffmpeg; 100 frames take 6 to 10 minutes of
 processor time. Made for one swatch held by its two upper corners: at rest, or, with --frames beyond 3, the right
 corner waving. A motion that is there (OUT/motion.npz) is not simulated again.
 
@@ -61,6 +61,7 @@ def parse_arguments(words):
     p.add_argument("--threads", type=int, default=os.cpu_count())
     a = p.parse_args(words)
     a.separation = a.separation or 0.75 * a.side
+    a.waving = a.frames > 3
     for name in ("density", "stretch", "diagonals", "bend"):
         if getattr(a, name) is not None and not getattr(a, name) > 0:
             p.error(f"--{name} must be > 0")
@@ -137,6 +138,10 @@ class Lattice:
         print(f"blender_capture: springs are damped by {damping:g} N s/m, Blender's most, not {self.stretch_damping:g}")
         return dataclasses.replace(self, stretch_damping=damping)
 
+    def bend_damping(self, cell):
+        """N m s."""
+        return self.density / self.blender_mass * cell**4 * FRAME_RATE * self.bend_damping_number / 4
+
     def air_number(self):
         return self.drag_rate * self.blender_mass / 0.01 / FRAME_RATE
 
@@ -159,13 +164,12 @@ def smooth_step(t):
 
 def corners_at(a, time):
     """Left and right corner, m. Before time 0 they close in from the flat swatch, one before the other."""
-    t = (time + SETTLING - 0.4) / 2.0
-    closed = smooth_step(t)
-    bump = 64 * (min(max(t, 0.0), 1.0) * (1 - min(max(t, 0.0), 1.0))) ** 3
-    reach = 0.5 * (a.side + (a.separation - a.side) * closed)
+    t = min(max((time + SETTLING - 0.4) / 2.0, 0.0), 1.0)
+    bump = 64 * (t * (1 - t)) ** 3
+    reach = 0.5 * (a.side + (a.separation - a.side) * smooth_step(t))
     left = np.array([-reach, 0.06 * a.side * bump, PIN_HEIGHT])
     right = np.array([reach, -0.03 * a.side * bump, PIN_HEIGHT])
-    if a.frames > 3 and time > 0:
+    if a.waving and time > 0:
         for i in range(3):
             angle = 2 * math.pi * a.frequency[i] * time + math.radians(a.phase[i])
             right[i] += smooth_step(time / 0.8) * a.amplitude[i] * math.sin(angle)
@@ -219,19 +223,18 @@ def add_cloth(a, swatch, lattice, frame_0, last):
     cloth.bending_model = "ANGULAR"
     cloth.vertex_group_mass, cloth.pin_stiffness = "pins", 1.0
     for key, value in lattice.settings(a.side / a.cells).items():
-        if key.endswith("_stiffness"):  # as stiff at the end of a spring's range as at rest
-            setattr(cloth, key + "_max", max(value, getattr(cloth, key + "_max")))
         setattr(cloth, key, value)
-        if key.endswith("_stiffness"):
+        if key.endswith("_stiffness"):  # as stiff at the end of a spring's range as at rest
             setattr(cloth, key + "_max", value)
         if abs(getattr(cloth, key) - value) > 1e-5 * max(1, value):
             sys.exit(f"blender_capture: Blender takes no {key} of {value:g}; other constants or --cells")
     modifier.collision_settings.use_collision = False
     modifier.point_cache.frame_start, modifier.point_cache.frame_end = 1, last
     # Thicker air until the swatch hangs still.
-    air, thick = lattice.air_number(), 2.5 * lattice.blender_mass * 100 / FRAME_RATE
+    air = lattice.air_number()
+    thick = max(air, 2.5 * lattice.blender_mass * 100 / FRAME_RATE)
     step = FRAME_RATE * STEPS_PER_FRAME
-    for frame, value in ((1, max(air, thick)), (frame_0 - int(0.6 * step), max(air, thick)), (frame_0 - int(0.3 * step), air)):
+    for frame, value in ((1, thick), (frame_0 - int(0.6 * step), thick), (frame_0 - int(0.3 * step), air)):
         cloth.air_damping = value
         cloth.keyframe_insert("air_damping", frame=frame)
 
@@ -240,7 +243,7 @@ def simulate(a, lattice):
     """Positions of the lattice's vertices in each frame of the video, frames x vertices x 3, m."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    moving = a.frames if a.frames > 3 else 1
+    moving = a.frames if a.waving else 1
     frame_0 = round(SETTLING * FRAME_RATE) * STEPS_PER_FRAME + 1
     last = frame_0 + (moving - 1) * STEPS_PER_FRAME + STEPS_PER_FRAME
     pull = GRAVITY / FRAME_RATE**2 / 0.001
@@ -574,8 +577,7 @@ def write_truth(a, lattice, shown):
         for k in (j * (n + 1) + i + 1 for j in range(n) for i in range(n)):
             for triangle in ((k, k + 1, k + n + 2), (k, k + n + 2, k + n + 1)):
                 file.write("f " + " ".join(f"{v}/{v}" for v in triangle) + "\n")
-    bend_damping = lattice.density / lattice.blender_mass * (a.side / n) ** 4 * FRAME_RATE * lattice.bend_damping_number / 4
-    write_fabric(a, lattice, bend_damping)
+    write_fabric(a, lattice)
     values = {
         "note": "of a lattice: springs k along the edges of its cells, k_d in tension only along their diagonals; only "
         "ratios to the areal density are fixed by the motion",
@@ -585,7 +587,7 @@ def write_truth(a, lattice, shown):
         "edge_spring_compression_k_N_per_m": lattice.stretch,
         "diagonal_spring_k_d_N_per_m": lattice.diagonals,
         "tension_damping_N_s_per_m": lattice.stretch_damping,
-        "bending_damping_N_m_s": bend_damping,
+        "bending_damping_N_m_s": lattice.bend_damping(a.side / n),
         "air_drag_rate_per_s": lattice.drag_rate,
         "air_drag_kg_per_m2_s": lattice.drag_rate * lattice.density,
     }
@@ -594,7 +596,7 @@ def write_truth(a, lattice, shown):
         file.writelines(f"{key} = {json.dumps(value)}\n" for key, value in values.items())
 
 
-def write_fabric(a, lattice, bend_damping):
+def write_fabric(a, lattice):
     """The source's constants in the model of weft that comes nearest: threads, diagonals that act in tension only and
     carry half of their force along each thread, bends at the edges of the cells, a twist 4/3 as stiff."""
     drag, damping = lattice.drag_rate * lattice.density, max(lattice.stretch_damping, 0.001)  # silk's is 0
@@ -607,7 +609,7 @@ def write_fabric(a, lattice, bend_damping):
         "stretch_damping": (damping, "N s/m", 0.001, 20),
         "shear_damping": (0.001, "N s/m", 0.001, 20),
         "diagonal_damping": (2 * damping, "N s/m", 0.001, 20),
-        "bend_damping": (bend_damping, "N m s", 1e-9, 1e-5),
+        "bend_damping": (lattice.bend_damping(a.side / a.cells), "N m s", 1e-9, 1e-5),
         "drag_linear": (drag, "N s/m^3", 0, 10),
         "drag_normal_linear": (drag, "N s/m^3", 0, 10),
         "drag_quadratic": (0, "N s^2/m^4", 0, 10),
@@ -630,13 +632,13 @@ provenance = "constants of the solver that moved this capture, by scripts/blende
 
 def motion_of(a, lattice):
     path = os.path.join(a.out, "motion.npz")
-    made_with = json.dumps([dataclasses.asdict(lattice), a.side, a.cells, a.separation, a.frames > 3]
+    made_with = json.dumps([dataclasses.asdict(lattice), a.side, a.cells, a.separation, a.waving]
                            + [a.amplitude, a.frequency, a.phase])
     if os.path.exists(path):
         with np.load(path) as stored:
             if str(stored["made_with"]) != made_with:
                 sys.exit(f"blender_capture: {path} was made with other options; remove it")
-            if a.frames <= 3 or len(stored["positions"]) >= a.frames:
+            if not a.waving or len(stored["positions"]) >= a.frames:
                 return stored["positions"][: a.frames]
     positions = simulate(a, lattice)
     np.savez_compressed(path, positions=positions, made_with=made_with)

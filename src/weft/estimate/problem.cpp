@@ -8,6 +8,7 @@
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
 #include "weft/estimate/content_hash.h"
+#include "weft/estimate/evaluate_trial.h"
 
 namespace weft {
 
