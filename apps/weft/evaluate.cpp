@@ -94,7 +94,8 @@ void run_mechanical(const EvaluateArguments& arguments) {
 void run_evaluate(const EvaluateArguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   const Capture capture = read_capture(arguments.capture);
-  const auto trial = arguments.trial.prepare(capture, capture.fit_first, capture.frame_count - 1);
+  const auto trial =
+      arguments.trial.prepare_for(fabric, capture, TrialArguments::Frames::from_fit_to_end);
   const CaptureEvaluation evaluation =
       evaluate_capture(*trial, fabric, capture.truth.has_value(), arguments.trial.threads());
   if (arguments.json) {

@@ -25,6 +25,7 @@
 #include "weft/base/parallel.h"
 #include "weft/base/progress.h"
 #include "weft/base/text_file.h"
+#include "weft/estimate/choose_start.h"
 #include "weft/estimate/least_squares_fit.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/estimate/variability.h"
@@ -351,13 +352,16 @@ void run_fit(const FitArguments& arguments) {
                             : run_auto_fit(problem, auto_options(arguments), &store, observer);
   progress.finish();
   write_fabric(out / "fabric.toml", fit.fabric);
+  const Problem compared = problem.with_trials(fit.compared);
 
   std::vector<CaptureEvaluation> evaluations;
   std::vector<CapturePictures> pictures;
   Sureness sure;
   const auto look_at_captures = [&] {
-    for (const Capture& capture : captures) {
-      const auto all = arguments.trial.prepare(capture, capture.fit_first, capture.frame_count - 1);
+    for (std::size_t k = 0; k < captures.size(); ++k) {
+      const auto all = with_start_of(
+          *fit.compared[k],
+          arguments.trial.prepare(captures[k], TrialArguments::Frames::from_fit_to_end));
       Trajectory trajectory;
       evaluations.push_back(
           evaluate_capture(*all, fit.fabric, false, arguments.trial.threads(), &trajectory));
@@ -369,16 +373,16 @@ void run_fit(const FitArguments& arguments) {
     if (i == 0)
       look_at_captures();
     else
-      sure = sureness_of(problem, fit, arguments.trial, mesh_error_of(arguments));
+      sure = sureness_of(compared, fit, arguments.trial, mesh_error_of(arguments));
   });
-  Report report = report_of_fit(problem, fit, evaluations);
+  Report report = report_of_fit(compared, fit, evaluations);
   const std::vector<CostPart>& frames = sure.frames;
   if (sure.uncertainty) {
     add_uncertainty(*sure.uncertainty, report);
     add_mesh_remark(sure.mesh, report);
   }
   if (!frames.empty() && !arguments.no_variability && fit.variability.empty())
-    add_variability(problem, fit, frames, report);
+    add_variability(compared, fit, frames, report);
   std::vector<std::string> names;
   for (const Capture& capture : captures) names.push_back(capture.name);
   MechanicalBeside::Shown shown;
@@ -400,7 +404,7 @@ void run_fit(const FitArguments& arguments) {
   if (tests)
     report.settings.emplace_back(kMechanicalSetting,
                                  fmt::format("{}", fmt::join(arguments.tests, ", ")));
-  write_text(out / "result.json", result_text(report, problem, fit, sure.mesh, shown));
+  write_text(out / "result.json", result_text(report, compared, fit, sure.mesh, shown));
   write_report_html(out / "report.html", report, pictures, shown.report);
   print_result(fit, report, evaluations);
   for (const std::string& line : shown.lines) fmt::print("{}", line);

@@ -62,7 +62,7 @@ void run_landscape(LandscapeArguments arguments) {
     throw Error(fmt::format("--frames {}: the capture has {} fit frames", frames,
                             capture.fit_last - capture.fit_first + 1));
   }
-  const auto trial = arguments.trial.prepare(capture, capture.fit_first, last);
+  const auto trial = arguments.trial.prepare_for(fabric, capture, capture.fit_first, last);
   LandscapeOptions& options = arguments.options;
   options.x_count = options.y_count = arguments.count;
   options.threads = arguments.trial.threads();

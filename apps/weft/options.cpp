@@ -15,6 +15,7 @@
 #include "weft/base/interrupt.h"
 #include "weft/base/number_text.h"
 #include "weft/base/progress.h"
+#include "weft/estimate/choose_start.h"
 
 namespace weft::app {
 
@@ -76,6 +77,25 @@ std::shared_ptr<const Trial> TrialArguments::prepare(const Capture& capture, int
                trial->start_name, trial->start_note);
   }
   return trial;
+}
+
+std::shared_ptr<const Trial> TrialArguments::prepare_for(const Fabric& fabric,
+                                                         const Capture& capture,
+                                                         Frames frames) const {
+  return with_start_for(prepare(capture, frames), fabric, 0, threads_);
+}
+
+std::vector<std::shared_ptr<const Trial>> TrialArguments::prepare_for(
+    const Fabric& fabric, const std::vector<Capture>& captures, Frames frames) const {
+  std::vector<std::shared_ptr<const Trial>> trials = prepare(captures, frames);
+  for (auto& trial : trials) trial = with_start_for(trial, fabric, 0, threads_);
+  return trials;
+}
+
+std::shared_ptr<const Trial> TrialArguments::prepare_for(const Fabric& fabric,
+                                                         const Capture& capture, int first,
+                                                         int last) const {
+  return with_start_for(prepare(capture, first, last), fabric, 0, threads_);
 }
 
 TrialOptions TrialArguments::options() const {

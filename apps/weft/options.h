@@ -25,6 +25,14 @@ class TrialArguments {
   std::vector<std::shared_ptr<const Trial>> prepare(const std::vector<Capture>& captures,
                                                     Frames frames) const;
   std::shared_ptr<const Trial> prepare(const Capture& capture, int first, int last) const;
+  /// The same with the starts that suit `fabric` (with_start_for).
+  std::shared_ptr<const Trial> prepare_for(const Fabric& fabric, const Capture& capture,
+                                           Frames frames) const;
+  std::vector<std::shared_ptr<const Trial>> prepare_for(const Fabric& fabric,
+                                                        const std::vector<Capture>& captures,
+                                                        Frames frames) const;
+  std::shared_ptr<const Trial> prepare_for(const Fabric& fabric, const Capture& capture, int first,
+                                           int last) const;
 
  private:
   int grid_ = 41;

@@ -69,9 +69,9 @@ class TestsAbout {
 Profiled profiled_videos(const std::vector<std::string>& captures, const Fabric& fabric,
                          const TrialArguments& trial) {
   require_motion_model(fabric);
-  const auto problem =
-      std::make_shared<Problem>(trial.prepare(read_captures(captures), TrialArguments::Frames::fit),
-                                fabric, fabric.value_names());
+  const auto problem = std::make_shared<Problem>(
+      trial.prepare_for(fabric, read_captures(captures), TrialArguments::Frames::fit), fabric,
+      fabric.value_names());
   LinearizationOptions options;
   options.threads = trial.threads();
   Profiled profiled;

@@ -45,7 +45,8 @@ Motion3d read_motion(const RenderArguments& arguments) {
 Motion3d simulate_motion(const RenderArguments& arguments, const Capture& capture) {
   const Fabric fabric = find_fabric(arguments.fabric);
   require_motion_model(fabric);
-  const auto trial = arguments.trial.prepare(capture, TrialArguments::Frames::from_fit_to_end);
+  const auto trial =
+      arguments.trial.prepare_for(fabric, capture, TrialArguments::Frames::from_fit_to_end);
   Trajectory trajectory = simulate(trial->scene, fabric, trial->options.simulation);
   if (trajectory.diverged) throw Error("the simulation diverged: " + trajectory.divergence);
   return {trial->scene.mesh, std::move(trajectory.frames)};

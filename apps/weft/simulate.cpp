@@ -56,7 +56,8 @@ void run_simulate(const SimulateArguments& arguments) {
   const std::filesystem::path out = arguments.out;
   prepare_output_folder(out, {"points.pc2"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
-  const auto trial = arguments.trial.prepare(capture, TrialArguments::Frames::from_fit_to_end);
+  const auto trial =
+      arguments.trial.prepare_for(fabric, capture, TrialArguments::Frames::from_fit_to_end);
   const Trajectory trajectory = simulate(trial->scene, fabric, trial->options.simulation);
   PointCache cache;
   cache.frames = trajectory.frames;

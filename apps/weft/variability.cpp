@@ -46,7 +46,7 @@ void run_variability(const VariabilityArguments& arguments) {
   const std::filesystem::path out = arguments.out;
   prepare_output_folder(out, {"variability.svg"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
-  const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
+  const auto trials = arguments.trial.prepare_for(fabric, captures, TrialArguments::Frames::fit);
   const Problem problem(trials, fabric, names);
   VariabilityOptions options;
   options.threads = arguments.trial.threads();

@@ -7,6 +7,8 @@
 #include "dynamics/elastica.h"
 #include "dynamics/scenes.h"
 #include "weft/base/random.h"
+#include "weft/dynamics/state.h"
+#include "weft/dynamics/static_potential.h"
 
 namespace weft::equilibrium_test {
 namespace {
@@ -245,6 +247,50 @@ TEST(SolveStatic, ShapeDoesNotDependOnTheMesh) {
   const double middle_distance = (middle - fine).colwise().norm().mean();
   EXPECT_LT(middle_distance, 0.5 * coarse_distance);
   EXPECT_LT(middle_distance, 0.002);
+}
+
+/// A cloth whose potential rises by a step once a vertex is below a level: as a mean of angles does
+/// when one of them turns through 180 degrees.
+class SteppedCloth : public StaticPotential {
+ public:
+  SteppedCloth(const ClothModel& model, int vertex, double level, double step)
+      : model_(model), vertex_(vertex), level_(level), step_(step) {}
+  double value(const Points& x) const override {
+    return model_.potential(x, {}) + (x(2, vertex_) < level_ ? step_ : 0);
+  }
+  void gradient(const Points& x, Points& gradient) const override {
+    model_.potential_gradient(x, {}, gradient);
+  }
+  void hessian(const Points& x, HessianKind kind, Points& gradient,
+               SparseMatrix& hessian) const override {
+    model_.potential_hessian(x, {}, kind, gradient, hessian);
+  }
+  const SparseMatrix& hessian_pattern() const override { return model_.hessian_pattern(); }
+  const VecX& masses() const override { return model_.masses(); }
+  const TriangleMesh& mesh() const override { return model_.mesh(); }
+
+ private:
+  const ClothModel& model_;
+  int vertex_;
+  double level_, step_;
+};
+
+// No descent climbs the step, however low: without a leap the solver ends before it.
+TEST(SolveStatic, GoesOnPastAStepOfThePotential) {
+  const int n = 9, lowest = n * n - 1 - n / 2;
+  const Hang hang = sagging_swatch(n, {.stretch = 300, .shear = 100, .bend = 3e-4});
+  const Points rest = solve_static(hang.model, hang.scene.start, hang.scene.fixtures, 0).x;
+  Points start = hang.scene.start;
+  prescribe_positions(hang.scene.fixtures, 0, start);
+  const double level = 0.5 * (start(2, lowest) + rest(2, lowest));
+  ASSERT_GT(start(2, lowest), level + 1e-3);
+  const SteppedCloth stepped(hang.model, lowest, level, 0.01);
+  const StaticResult result =
+      solve_static(stepped, start, held_vertices(hang.scene.fixtures, n * n));
+  ASSERT_TRUE(result.converged);
+  EXPECT_LT(result.x(2, lowest), level);
+  EXPECT_LT(largest_free_force(hang.model, result.x, hang.scene.fixtures),
+            StaticOptions().force_tolerance);
 }
 
 TEST(SolveStatic, ReportsThatThereIsNoEquilibrium) {

@@ -8,6 +8,7 @@
 
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
+#include "weft/estimate/choose_start.h"
 #include "weft/estimate/cross.h"
 #include "weft/estimate/evaluate_capture.h"
 #include "weft/estimate/fit.h"
@@ -216,6 +217,38 @@ TEST_F(TrialTest, StartsFromTheSurfaceThatTheCaptureStates) {
             1e-6);
 }
 
+TEST_F(TrialTest, TakesTheStartThatSuitsTheFabric) {
+  // Of the generic starts the one that settles furthest from what the frames show.
+  Trial spoilt = *trial_;
+  spoilt.other_starts = {trial_->scene.start};
+  double worst = 0;
+  for (const StartShape& start : generic_starts(trial_->scene)) {
+    Trial other = *trial_;
+    other.scene.start = start.x;
+    const double error = evaluate(other, test_fabric(), 3).error;
+    if (!(error > worst) || !std::isfinite(error)) continue;
+    worst = error;
+    spoilt.scene.start = start.x;
+  }
+  const double measured = evaluate(*trial_, test_fabric(), 3).error;
+  ASSERT_GT(worst, 1.5 * measured);
+  const auto given = std::make_shared<const Trial>(spoilt);
+  const auto chosen = with_start_for(given, test_fabric());
+  EXPECT_LT(evaluate(*chosen, test_fabric(), 3).error, 1.1 * measured);
+  // Nothing is lost, and nothing else is left to choose.
+  EXPECT_EQ(chosen->other_starts.back(), spoilt.scene.start);
+  EXPECT_EQ(with_start_for(chosen, test_fabric()), chosen);
+  EXPECT_EQ(with_start_for(given, test_fabric(), 0, 1)->scene.start, chosen->scene.start);
+  EXPECT_EQ(with_start_of(*chosen, given)->scene.start, chosen->scene.start);
+}
+
+TEST_F(TrialTest, AStartThatTheCaptureStatesStays) {
+  Trial stated = *trial_;
+  stated.other_starts.clear();
+  const auto given = std::make_shared<const Trial>(stated);
+  EXPECT_EQ(with_start_for(given, test_fabric()), given);
+}
+
 TEST_F(TrialTest, CacheGivesTheSameTrial) {
   const auto cache = root_ / "cache";
   const auto fresh = prepare_trial(*capture_, 0, 4, small_trial(), 0, cache);
@@ -226,6 +259,7 @@ TEST_F(TrialTest, CacheGivesTheSameTrial) {
   const auto cached = prepare_trial(*capture_, 0, 4, small_trial(), 0, cache);
   EXPECT_EQ(std::filesystem::last_write_time(files[0]), written);
   EXPECT_EQ(cached->start_name, trial_->start_name);
+  EXPECT_EQ(cached->other_starts, trial_->other_starts);
   const auto fingerprint = [](const std::shared_ptr<const Trial>& trial) {
     return Problem({trial}, Fabric::with_defaults("x"), {"bend_stiffness"}).fingerprint();
   };

@@ -260,6 +260,9 @@ TEST(FitSurface, FirstFrameOfTheBundledCapture) {
   }
   // A generic start is 39 mm away; the registration 2 mm. The bound leaves room for compilers.
   EXPECT_LT(mean(same_uv), 4e-3);
+  EXPECT_FALSE(fit.others.empty());
+  for (const Points& other : fit.others)
+    EXPECT_GT((other - fit.x).colwise().norm().maxCoeff(), 5e-4);
 }
 
 }  // namespace

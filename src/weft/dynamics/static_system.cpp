@@ -20,6 +20,8 @@ constexpr double kLeastFraction = 1e-3;
 constexpr double kPotentialRounding = 1e-14;  // of the potential
 constexpr int kLongestPause = 16;             // iterations before the exact Hessian is tried again
 constexpr double kFirstEscape = 1e-4;         // m, along a direction of negative curvature
+constexpr double kFirstLeap = 1e-5;           // m, the furthest vertex
+constexpr int kMostLeaps = 8;
 constexpr double kStillServes = 0.2;  // of the forces before, that a former factor may leave
 
 }  // namespace
@@ -103,6 +105,21 @@ bool StaticSystem::find_step() {
   return regularization_ < kLargestRegularization;
 }
 
+/// Past a step of the potential that no descent climbs: an angle that turns through 180 degrees
+/// jumps, and with it the mean of several. The forces are those of the lower side: the cloth is
+/// moved along them, each time further than the time before. False where that was done too often.
+bool StaticSystem::leap() {
+  if (leaps_ >= kMostLeaps) return false;
+  regularization_ = kInitialRegularization;
+  if (!factorize_for_direction()) return false;
+  direction_ = -gradient_;
+  cholesky_.solve(direction_);
+  const double length = kFirstLeap * std::pow(2, leaps_++);
+  x_ += length / direction_.colwise().norm().maxCoeff() * direction_;
+  potential_ = model_.value(x_);
+  return true;
+}
+
 /// More steps by the factor at hand, to convergence. False where it no longer serves.
 bool StaticSystem::finish_by_factor(double force_tolerance, StaticResult& result) {
   for (double before = result.residual;; before = result.residual) {
@@ -162,6 +179,7 @@ StaticResult StaticSystem::solve(Points start, const StaticOptions& options) {
   const bool near = options.start == StaticOptions::Start::near_equilibrium;
   regularization_ = near ? kLeastRegularization : kInitialRegularization;
   pause_ = until_exact_ = 1;
+  leaps_ = 0;
   x_ = std::move(start);
   StaticResult result;
   potential_ = model_.value(x_);
@@ -178,7 +196,10 @@ StaticResult StaticSystem::solve(Points start, const StaticOptions& options) {
       escape();
       continue;
     }
-    if (!find_step()) break;
+    if (!find_step()) {
+      if (!leap()) break;
+      continue;
+    }
     if (near && exact_ && as_predicted_ && finish_by_factor(options.force_tolerance, result)) {
       result.converged = true;
       ++result.iterations;

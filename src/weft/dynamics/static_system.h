@@ -35,6 +35,7 @@ class StaticSystem {
   bool factorize(HessianKind kind);
   bool factorize_for_direction();
   bool find_step();
+  bool leap();
   bool finish_by_factor(double force_tolerance, StaticResult& result);
   bool is_stable();
   void escape();
@@ -50,6 +51,7 @@ class StaticSystem {
   bool exact_ = false;         // the factor at hand is of the exact Hessian
   bool as_predicted_ = false;  // the last step was whole, and lowered the potential as foreseen
   int pause_ = 1, until_exact_ = 1;
+  int leaps_ = 0;
   std::optional<Points> factored_at_;  // by the exact Hessian with the least regularization
 };
 

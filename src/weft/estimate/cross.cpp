@@ -6,6 +6,7 @@
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/estimate/choose_start.h"
 
 namespace weft {
 
@@ -24,7 +25,8 @@ CrossEvaluation cross_evaluate(const std::vector<Fabric>& fabrics,
   parallel_for(total, threads, [&](std::size_t i) {
     if (stop) return;
     const std::size_t row = i / columns, column = i % columns;
-    const TrialEvaluation evaluation = evaluate(*trials[column], fabrics[row]);
+    const auto trial = with_start_for(trials[column], fabrics[row], 0, 1);
+    const TrialEvaluation evaluation = evaluate(*trial, fabrics[row]);
     const std::lock_guard lock(mutex);
     const auto r = static_cast<Eigen::Index>(row), c = static_cast<Eigen::Index>(column);
     result.error(r, c) = evaluation.error;

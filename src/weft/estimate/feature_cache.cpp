@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 
@@ -12,7 +13,8 @@
 namespace weft {
 namespace {
 
-constexpr std::string_view kMagic = "weft-features-2\n";
+constexpr std::size_t kMostStarts = 1000;  // no file of ours has more
+constexpr std::string_view kMagic = "weft-features-3\n";
 
 class Writer {
  public:
@@ -152,9 +154,11 @@ bool read_cached(const std::filesystem::path& file, const std::string& key, Tria
   if (in.get_text() != key) return false;
   std::string start_name = in.get_text(), start_note = in.get_text();
   const auto residual = in.get<double>();
-  Points start(3, trial.scene.mesh.vertex_count());
-  if (in.get<std::int32_t>() != start.cols()) return false;
-  for (double& coordinate : start.reshaped()) coordinate = in.get<double>();
+  std::vector<Points> starts(std::min<std::size_t>(in.get<std::uint32_t>(), kMostStarts),
+                             Points(3, trial.scene.mesh.vertex_count()));
+  if (starts.empty() || in.get<std::int32_t>() != starts.front().cols()) return false;
+  for (Points& start : starts)
+    for (double& coordinate : start.reshaped()) coordinate = in.get<double>();
   const std::size_t count =
       trial.scene.frame_times.size() - static_cast<std::size_t>(trial.first_frame);
   if (in.get<std::uint64_t>() != count) return false;
@@ -166,7 +170,9 @@ bool read_cached(const std::filesystem::path& file, const std::string& key, Tria
   trial.start_name = std::move(start_name);
   trial.start_note = std::move(start_note);
   trial.start_residual = residual;
-  trial.scene.start = std::move(start);
+  trial.scene.start = std::move(starts.front());
+  trial.other_starts.assign(std::make_move_iterator(starts.begin() + 1),
+                            std::make_move_iterator(starts.end()));
   trial.features = std::move(features);
   return true;
 }
@@ -177,8 +183,11 @@ void write_cached(const std::filesystem::path& file, const std::string& key, con
   out.put_text(trial.start_name);
   out.put_text(trial.start_note);
   out.put(trial.start_residual);
+  out.put(static_cast<std::uint32_t>(1 + trial.other_starts.size()));
   out.put(static_cast<std::int32_t>(trial.scene.start.cols()));
   for (const double coordinate : trial.scene.start.reshaped()) out.put(coordinate);
+  for (const Points& start : trial.other_starts)
+    for (const double coordinate : start.reshaped()) out.put(coordinate);
   out.put(static_cast<std::uint64_t>(trial.features.size()));
   for (const FrameFeatures& frame : trial.features) put_frame(out, frame);
   const std::string body = std::string(kMagic) + out.bytes();

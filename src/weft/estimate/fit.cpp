@@ -33,6 +33,7 @@ class Fit {
     }
     if (!(options.prior_weight >= 0)) throw Error("prior_weight must not be negative");
     result_.seed = options.seed;
+    result_.compared = problem.trials();
   }
 
   FitResult run() {

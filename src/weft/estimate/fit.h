@@ -60,6 +60,9 @@ struct FitProgress {
 using FitObserver = std::function<bool(const FitProgress&)>;
 
 struct FitResult {
+  /// What the fabrics were compared with: the problem's trials, with the starts that suited the
+  /// fabric found so far where the method chooses them (run_least_squares_fit).
+  std::vector<std::shared_ptr<const Trial>> compared;
   Fabric fabric;  ///< the estimate; name and density as in problem.initial()
   VecX scaled;
   ProblemEvaluation initial;  ///< at the middle of all ranges (scaled 0.5), all frames

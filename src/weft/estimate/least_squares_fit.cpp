@@ -13,6 +13,7 @@
 #include "weft/base/interrupt.h"
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
+#include "weft/estimate/choose_start.h"
 #include "weft/estimate/uncertainty.h"
 
 namespace weft {
@@ -76,9 +77,13 @@ class LeastSquaresFit {
   FitResult run() {
     const auto begin = Clock::now();
     std::vector<Contender> candidates = screen();
-    for (const FitStage& stage : options_.stages) {
-      if (stopped_) break;
-      run_stage(stage, candidates);
+    for (std::size_t k = 0; k < options_.stages.size() && !stopped_; ++k) {
+      run_stage(options_.stages[k], candidates);
+      if (k + 1 == options_.stages.size() || stopped_) break;
+      // What the last stage but one said, it said of other starts.
+      if (renew_starts(candidates.front().scaled, options_.stages[k + 1].frames) &&
+          k + 2 == options_.stages.size())
+        run_stage(options_.stages[k], candidates);
     }
     conclude();
     result_.wall_s = seconds_since(begin);
@@ -188,6 +193,27 @@ class LeastSquaresFit {
     }
     keep_best(candidates, static_cast<int>(candidates.size()));
     return candidates;
+  }
+
+  /// Takes the starts that suit the fabric at `scaled` over that many frames (0: all); true if one
+  /// is another. The best so far, of the old ones, is then forgotten.
+  bool renew_starts(const VecX& scaled, int frame_count) {
+    std::vector<std::shared_ptr<const Trial>> trials;
+    for (const auto& trial : problem_.trials())
+      trials.push_back(
+          with_start_for(trial, problem_.fabric(scaled), frame_count, options_.threads));
+    if (trials == problem_.trials()) return false;
+    problem_ = problem_.with_trials(std::move(trials));
+    result_.scaled.resize(0);
+    best_error_ = kInfinity;
+    evaluate_middle();
+    return true;
+  }
+
+  void evaluate_middle() {
+    const VecX middle = VecX::Constant(problem_.dimension(), 0.5);
+    note_middle(middle, evaluate_stored(problem_, problem_.fabric(middle), 0, "start", store_,
+                                        options_.threads));
   }
 
   LinearizationOptions linearization_of(const FitStage& stage) const {
@@ -348,6 +374,7 @@ class LeastSquaresFit {
   }
 
   void conclude() {
+    result_.compared = problem_.trials();
     result_.fabric = problem_.fabric(result_.scaled);
     result_.prior_weight = prior_weight_;
     result_.prior_error = problem_.prior_cost(result_.scaled, prior_weight_);
@@ -372,7 +399,7 @@ class LeastSquaresFit {
     if (stopped_) result_.warnings.push_back("stopped before the end: the best so far");
   }
 
-  const Problem& problem_;
+  Problem problem_;  // with the starts that suit what was found
   const LeastSquaresFitOptions& options_;
   EvaluationStore* store_;
   const FitObserver& observer_;
@@ -387,9 +414,9 @@ class LeastSquaresFit {
 };
 
 /// Of the estimate, frame by frame.
-void add_trials(const Problem& problem, int threads, FitResult& result) {
+void add_trials(int threads, FitResult& result) {
   if (!std::isfinite(result.final.error)) return;
-  for (const auto& trial : problem.trials())
+  for (const auto& trial : result.compared)
     result.trials.push_back(evaluate(*trial, result.fabric, 0, nullptr, threads));
 }
 
@@ -398,7 +425,7 @@ void add_trials(const Problem& problem, int threads, FitResult& result) {
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options,
                                 EvaluationStore* store, const FitObserver& observer) {
   FitResult result = LeastSquaresFit(problem, options, store, observer).run();
-  add_trials(problem, options.threads, result);
+  add_trials(options.threads, result);
   return result;
 }
 
@@ -412,13 +439,13 @@ FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
   FitResult descent = LeastSquaresFit(problem, options.least_squares, store, observer).run();
   const bool can_anneal = !descent.stopped && std::isfinite(descent.final.error);
   if (!can_anneal || options.annealing.annealing.max_evaluations == 0) {
-    add_trials(problem, options.least_squares.threads, descent);
+    add_trials(options.least_squares.threads, descent);
     return descent;
   }
   FitOptions annealing = options.annealing;
   annealing.start = FitOptions::Start::initial;
   annealing.coarse_parameters.clear();
-  const Problem from_there(problem.trials(), descent.fabric, problem.free(), {}, problem.priors(),
+  const Problem from_there(descent.compared, descent.fabric, problem.free(), {}, problem.priors(),
                            problem.other());
   annealing.prior_weight = descent.prior_weight;
   FitResult result = run_fit(from_there, annealing, store, observer);

@@ -9,6 +9,7 @@
 #include "weft/estimate/evaluate_trial.h"
 #include "weft/estimate/extract_features.h"
 #include "weft/estimate/feature_cache.h"
+#include "weft/estimate/first_frame.h"
 #include "weft/estimate/problem.h"
 #include "weft/registration/stripe_surface.h"
 #include "weft/vision/silhouette.h"
@@ -81,13 +82,12 @@ void set_start(Trial& trial, const Image& first_frame, int threads) {
     trial.start_note = capture.start_surface->filename().string();
     return;
   }
-  const Mask silhouette =
-      find_silhouette(first_frame, {.stripe_period = image_stripe_period(capture)}).silhouette;
-  const StripePoints points = decode_stripes(first_frame, silhouette, capture.rig, trial.scene);
-  SurfaceFit fit = fit_surface(points, silhouette, capture.rig, trial.scene);
+  const FirstFrame frame = decode_first_frame(first_frame, capture, trial.scene);
+  SurfaceFit fit = fit_surface(frame.points, frame.silhouette, capture.rig, trial.scene, threads);
   trial.start_note = fit.note;
   if (fit.usable) {
     trial.scene.start = std::move(fit.x);
+    trial.other_starts = std::move(fit.others);
     trial.start_name = "measured surface";
     trial.start_residual = fit.residual_median;
   } else {

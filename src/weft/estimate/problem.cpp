@@ -66,6 +66,10 @@ QuadraticModel Problem::prior_model(const VecX& scaled) const {
   return model;
 }
 
+Problem Problem::with_trials(std::vector<std::shared_ptr<const Trial>> trials) const {
+  return {std::move(trials), initial_, free_, evaluator_, priors_, other_};
+}
+
 int Problem::index_of(std::string_view parameter) const {
   const auto at = std::find(free_.begin(), free_.end(), parameter);
   return at == free_.end() ? -1 : static_cast<int>(at - free_.begin());

@@ -36,6 +36,8 @@ struct Trial {
   std::string start_name;     ///< "measured surface", or the start shape that was chosen
   std::string start_note;     ///< why the measured surface was not usable; may be empty
   double start_residual = 0;  ///< m, median distance of decoded points to the measured surface
+  /// Further surfaces that explain frame 0 (SurfaceFit::others), for with_start_for().
+  std::vector<Points> other_starts;
   TrialOptions options;
   int first_frame = 0;  ///< of the capture; frames before it are simulated, not compared
   int frame_count() const { return static_cast<int>(features.size()); }
@@ -120,6 +122,8 @@ class Problem {
   Problem(std::vector<std::shared_ptr<const Trial>> trials, Fabric initial,
           std::vector<std::string> free, Evaluator evaluator = {},
           std::vector<ParameterPrior> priors = {}, OtherData other = {});
+  /// The same with other trials: of the same captures, say, with other starts.
+  Problem with_trials(std::vector<std::shared_ptr<const Trial>> trials) const;
   int dimension() const { return static_cast<int>(free_.size()); }
   const std::vector<std::string>& free() const { return free_; }
   const std::vector<std::shared_ptr<const Trial>>& trials() const { return trials_; }

@@ -44,7 +44,11 @@ StripePoints decode_stripes(const Image& intensity, const Mask& silhouette, cons
                             const Scene& scene, const StripeDecodeOptions& options = {});
 
 struct SurfaceFit {
-  Points x;                    ///< 3 x vertices of scene.mesh
+  Points x;  ///< 3 x vertices of scene.mesh
+  /// Other surfaces that explain the points nearly as well, by their energy: what the camera does
+  /// not see is left to the sheet. At most 23; none of one sheet is within 0.5 mm (mean) of
+  /// another.
+  std::vector<Points> others;
   Eigen::VectorXi support;     ///< decoded points within 5 mm of the surface, counted at the vertex
                                ///< nearest to each; 0: placed by the cloth model alone
   double residual_median = 0;  ///< m, decoded points to the fitted surface
@@ -67,14 +71,33 @@ struct SurfaceFit {
 /// weight per area)^(1/3) of 60 to 15 mm, and in-plane stiffness rises from 10 to 250 times the
 /// weight of the swatch per width. Points fix the surface along its normal; along itself it is
 /// placed by its rim and by being nearly inextensible. Begun from the flat sheet and four generic
-/// shapes, pulled to the points at once, and from two of them left to sag before the points pull;
-/// the candidate of least elastic energy and misfit while bending is still stiff goes on. About 1 s
-/// at 25 x 25 vertices and 8000 points.
+/// shapes, pulled to the points at once, and from two of them left to sag before the points pull.
+/// From the end of least energy (elastic, and misfit) ways out are tried until none lowers it by
+/// 2 % (six times at most): bending stiffened again to lengths of 30 to 120 mm, with the points
+/// pulling as before or loosely; and strips of 5 and 7.5 % of the swatch along each rim folded over
+/// to the other side, in depth, as the camera does not see on which side they hang. That is done
+/// with a sheet whose bending length is 15 mm at last, and once more from its best four ends with
+/// one of 8 mm; the surface is the best of the first, `others` are further ends of both.
 ///
 /// Stiffnesses are those of a generic fabric of the scene's areal density: nothing is assumed about
 /// the fabric's parameters. Throws Error if the scene has no fixtures.
 SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const Rig& rig,
-                       const Scene& scene);
+                       const Scene& scene, int threads = 1);
+
+/// A surface, and how well it explains the points.
+struct RefinedSurface {
+  Points x;
+  double energy = 0;  ///< J: elastic, and robust misfit
+};
+
+/// The last stages of fit_surface() again, from each of `from`, with a sheet of this fabric in
+/// place of the generic one, and the same ways out from the best. Where folds are deep that is
+/// nearer to the true surface, and settles less far from where it is. At most 12, the least energy
+/// first.
+std::vector<RefinedSurface> refine_surfaces(const StripePoints& points, const Mask& silhouette,
+                                            const Rig& rig, const Scene& scene,
+                                            const Fabric& fabric, const std::vector<Points>& from,
+                                            int threads = 1);
 
 /// Start shapes for when there is no usable frame: the sheet bulged to either side, and folded
 /// alternately. Named, for the report.

@@ -3,12 +3,17 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <memory>
+#include <optional>
 #include <span>
 #include <tuple>
 
 #include "weft/base/error.h"
+#include "weft/base/parallel.h"
 #include "weft/base/quantile.h"
 #include "weft/dynamics/simulate.h"
 #include "weft/dynamics/sparse_cholesky.h"
@@ -56,12 +61,40 @@ constexpr std::array<SheetStage, 4> sagging = {{
     {0.040, 0.030, 100, 2e-3, 6, 2},
     {0.020, 0.020, 120, 1e-4, 6, 2},
 }};
-// The candidates are compared after these stages, which end alike: still stiff, the sheet shows by
-// its elastic energy where a fold is on the wrong side. The best one goes on.
-constexpr std::array<SheetStage, 2> last_stages = {{
-    {0.010, 0.015, 250, 5e-5, 6, 2},
-    {0.005, 0.015, 250, 5e-5, 6, 2},
+// All ways end alike, and are compared there: in a sheet as limp as much clothing cloth, and in one
+// as limp as silk.
+constexpr std::array<SheetStage, 2> last_stages(double bend_length) {
+  return {{{0.010, bend_length, 250, 5e-5, 6, 2}, {0.005, bend_length, 250, 5e-5, 6, 2}}};
+}
+constexpr std::array<SheetStage, 2> last = last_stages(0.015), limp_last = last_stages(0.008);
+
+// Ways out of a wrong end, which lead back through the last stages. A stiffer sheet smooths what
+// the points hold least, above all what they do not see; held by them loosely, it hangs as well.
+using Reheating = std::array<SheetStage, 2>;
+constexpr Reheating stiffened(double scale, double bend_length) {
+  return {{{scale, bend_length, 60, 1e-4, 4, 2}, {0.010, 0.030, 120, 1e-4, 4, 2}}};
+}
+constexpr Reheating loosened(double scale, double bend_length) {
+  return {{{scale, bend_length, 60, 1e-2, 4, 2}, {0.010, 0.030, 120, 1e-3, 4, 2}}};
+}
+constexpr std::array<Reheating, 4> reheatings = {{
+    stiffened(0.020, 0.060),
+    stiffened(0.020, 0.120),
+    loosened(0.020, 0.030),
+    loosened(0.020, 0.060),
 }};
+// Widths of the strips along a rim that may lie folded over to the other side, of the swatch.
+constexpr std::array<double, 2> turned_strips = {0.050, 0.075};
+// Least gain of a way out, of the energy, and how many are taken in turn.
+constexpr double least_gain = 0.02;
+constexpr int most_ways_out = 6;
+// Ends that are kept beside the one of least energy: how much more they may have, how far they are
+// from each other at least (m, mean over the vertices), and how many.
+constexpr double kept_energy = 1.5;
+constexpr double kept_distance = 5e-4;
+constexpr std::size_t most_kept = 12;
+// Of the ends of the first sheet, those from which the limp one goes on.
+constexpr std::size_t gone_on_with = 4;
 
 /// Pulls the point of a triangle towards a plane: 1/2 weight (normal . (sum b_i x_i) - offset)^2.
 struct PlaneTerm {
@@ -202,8 +235,9 @@ std::vector<RimEdge> rim_edges(const TriangleMesh& mesh) {
 /// Non-rigid registration: a cloth under gravity, pulled to the measured points and the silhouette.
 class SurfaceFitter {
  public:
+  /// `fabric`: of the sheet; a generic one, which each stage stiffens, where it is not given.
   SurfaceFitter(const StripePoints& points, const Mask& silhouette, const Rig& rig,
-                const Scene& scene);
+                const Scene& scene, const std::optional<Fabric>& fabric = {});
 
   /// Takes `x` through the stages; returns its energy at the last of them, J: elastic, and robust
   /// misfit. Gravity is left out: a moving cloth is not where its weight would have it.
@@ -232,9 +266,10 @@ class SurfaceFitter {
   const Mask& silhouette_;
   const Rig& rig_;
   const Scene& scene_;
+  bool generic_;
   Fabric fabric_;
   ClothModel model_;
-  SparseCholesky<double> cholesky_;
+  SparseCholesky<float> cholesky_;  // of a direction that a line search checks
   SparseMatrix hessian_;
   VisibleTriangles visible_;
   std::vector<ContourPoint> contour_;
@@ -251,12 +286,13 @@ class SurfaceFitter {
 };
 
 SurfaceFitter::SurfaceFitter(const StripePoints& points, const Mask& silhouette, const Rig& rig,
-                             const Scene& scene)
+                             const Scene& scene, const std::optional<Fabric>& fabric)
     : points_(points),
       silhouette_(silhouette),
       rig_(rig),
       scene_(scene),
-      fabric_(Fabric::with_defaults("registration prior")),
+      generic_(!fabric),
+      fabric_(fabric ? *fabric : Fabric::with_defaults("registration prior")),
       model_(scene.mesh, fabric_, scene.areal_density, scene.gravity),
       cholesky_(model_.hessian_pattern(), held_vertices(scene.fixtures, scene.mesh.vertex_count()),
                 scene.mesh.material),
@@ -302,6 +338,7 @@ void SurfaceFitter::find_slots() {
 }
 
 void SurfaceFitter::set_stage(const SheetStage& stage) {
+  if (!generic_) return;
   // Stiffness in units of the weight that hangs from the cloth: in-plane strain of its own weight
   // is 1/250 per length, whatever the fabric.
   const double length =
@@ -567,26 +604,144 @@ std::vector<double> SurfaceFitter::distances(const Points& x, Eigen::VectorXi& s
   return result;
 }
 
-/// Where a fit may begin, and how.
-struct Beginning {
+/// The place that is `length` inside of a rim of the swatch, for the vertices between.
+struct RimStrip {
+  std::vector<int> vertices;
+  MaterialPoints inner;  ///< of each
+};
+
+/// Of the rim u = 0, v = 0, u = largest, v = largest for side 0, 1, 2, 3; held vertices, which
+/// cannot go along, left out.
+RimStrip rim_strip(const Scene& scene, int side, double length) {
+  const MaterialPoints& material = scene.mesh.material;
+  const Eigen::Index axis = side % 2;
+  const double rim = side < 2 ? material.row(axis).minCoeff() : material.row(axis).maxCoeff();
+  const double inner = side < 2 ? rim + length : rim - length;
+  const std::vector<char> held = held_vertices(scene.fixtures, scene.mesh.vertex_count());
+  RimStrip strip;
+  for (int v = 0; v < scene.mesh.vertex_count(); ++v)
+    if (std::abs(material(axis, v) - rim) < 0.999 * length && !held[static_cast<std::size_t>(v)])
+      strip.vertices.push_back(v);
+  strip.inner.resize(2, static_cast<Eigen::Index>(strip.vertices.size()));
+  for (Eigen::Index i = 0; i < strip.inner.cols(); ++i) {
+    strip.inner.col(i) = material.col(strip.vertices[static_cast<std::size_t>(i)]);
+    strip.inner(axis, i) = inner;
+  }
+  return strip;
+}
+
+/// Folds the strip over: in depth only, so that the camera sees it where it was.
+Points folded_over(const RimStrip& strip, const Scene& scene, const Vec3& eye, const Points& x) {
+  Points result = x;
+  const Points inner = interpolate(scene.mesh, MaterialLocator(scene.mesh), x, strip.inner);
+  for (Eigen::Index i = 0; i < inner.cols(); ++i) {
+    const Vec3 ray = (inner.col(i) - eye).normalized();
+    auto at = result.col(strip.vertices[static_cast<std::size_t>(i)]);
+    at -= 2 * ray.dot(at - inner.col(i)) * ray;
+  }
+  return result;
+}
+
+/// Where a fit goes on, and how; it ends with the last stages.
+struct Way {
   Points x;
   SheetStages stages;
 };
 
 /// What annealing cannot turn into one another is the side of the first fold: the flat sheet,
 /// bulged to either side and folded once, and the bulges left to sag first.
-std::vector<Beginning> beginnings(const Scene& scene) {
-  std::vector<Beginning> result{{flat_sheet(scene), pulled}};
+std::vector<Way> beginnings(const Scene& scene) {
+  std::vector<Way> result{{flat_sheet(scene), pulled}};
   const std::vector<StartShape> shapes = generic_starts(scene);
   for (std::size_t k = 0; k < 4; ++k) result.push_back({shapes[k].x, pulled});
   for (std::size_t k = 0; k < 2; ++k) result.push_back({shapes[k].x, sagging});
   return result;
 }
 
+std::vector<Way> ways_out(const Scene& scene, const Vec3& eye, const Points& x) {
+  std::vector<Way> result;
+  for (const Reheating& reheating : reheatings) result.push_back({x, reheating});
+  const Vec2 size =
+      scene.mesh.material.rowwise().maxCoeff() - scene.mesh.material.rowwise().minCoeff();
+  for (int side = 0; side < 4; ++side)
+    for (const double width : turned_strips)
+      result.push_back(
+          {folded_over(rim_strip(scene, side, width * size[side % 2]), scene, eye, x), {}});
+  return result;
+}
+
+/// Where a way ended.
+struct End {
+  Points x;
+  double energy = kInfinity;
+};
+
+double mean_distance(const Points& a, const Points& b) { return (a - b).colwise().norm().mean(); }
+
+/// Searches for the surface of least energy; keeps other ends that come near to it.
+class SurfaceSearch {
+ public:
+  SurfaceSearch(const StripePoints& points, const Mask& silhouette, const Rig& rig,
+                const Scene& scene, int threads, const std::optional<Fabric>& fabric = {})
+      : scene_(scene), eye_(rig.camera.center()), threads_(threads) {
+    for (int k = 0; k < all_threads(threads); ++k)
+      fitters_.push_back(std::make_unique<SurfaceFitter>(points, silhouette, rig, scene, fabric));
+  }
+
+  /// Ends with `last` stages of what begins with `ways`, by energy, the least first.
+  std::vector<End> run(const std::vector<Way>& ways, SheetStages last_stages) {
+    ends_.clear();
+    follow(ways, last_stages);
+    for (int k = 0; k < most_ways_out && !ends_.empty(); ++k) {
+      const End best = ends_.front();
+      follow(ways_out(scene_, eye_, best.x), last_stages);
+      if (!(ends_.front().energy < (1 - least_gain) * best.energy)) break;
+    }
+    return std::move(ends_);
+  }
+
+  SurfaceFitter& fitter() { return *fitters_.front(); }
+
+ private:
+  void follow(const std::vector<Way>& ways, SheetStages last_stages) {
+    std::vector<End> found(ways.size());
+    std::atomic<std::size_t> next = 0;
+    parallel_for(fitters_.size(), threads_, [&](std::size_t worker) {
+      for (std::size_t i = next++; i < ways.size(); i = next++) {
+        found[i].x = ways[i].x;
+        if (!ways[i].stages.empty()) fitters_[worker]->anneal(found[i].x, ways[i].stages);
+        found[i].energy = fitters_[worker]->anneal(found[i].x, last_stages);
+      }
+    });
+    for (End& end : found)
+      if (std::isfinite(end.energy)) ends_.push_back(std::move(end));
+    keep_distinct();
+  }
+
+  void keep_distinct() {
+    std::ranges::stable_sort(ends_, {}, &End::energy);
+    std::vector<End> kept;
+    for (End& end : ends_) {
+      if (kept.size() == most_kept) break;
+      if (!kept.empty() && end.energy > kept_energy * kept.front().energy) break;
+      const bool known = std::ranges::any_of(
+          kept, [&](const End& k) { return mean_distance(k.x, end.x) < kept_distance; });
+      if (!known) kept.push_back(std::move(end));
+    }
+    ends_ = std::move(kept);
+  }
+
+  const Scene& scene_;
+  Vec3 eye_;
+  int threads_;
+  std::vector<std::unique_ptr<SurfaceFitter>> fitters_;  // one a thread
+  std::vector<End> ends_;
+};
+
 }  // namespace
 
 SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const Rig& rig,
-                       const Scene& scene) {
+                       const Scene& scene, int threads) {
   SurfaceFit result;
   result.points = static_cast<int>(points.pixel.cols());
   result.support = Eigen::VectorXi::Zero(scene.mesh.vertex_count());
@@ -596,15 +751,19 @@ SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const
                               result.points, least_points);
     return result;
   }
-  SurfaceFitter fitter(points, silhouette, rig, scene);
-  double least = kInfinity;
-  for (Beginning& beginning : beginnings(scene)) {
-    const double energy = fitter.anneal(beginning.x, beginning.stages);
-    if (!(energy < least)) continue;
-    least = energy;
-    result.x = std::move(beginning.x);
+  SurfaceSearch search(points, silhouette, rig, scene, threads);
+  std::vector<End> ends = search.run(beginnings(scene), last);
+  std::vector<Way> further;
+  for (std::size_t k = 0; k < std::min(ends.size(), gone_on_with); ++k)
+    further.push_back({ends[k].x, {}});
+  std::ranges::move(search.run(further, limp_last), std::back_inserter(ends));
+  if (ends.empty()) {
+    result.note = "no surface could be fitted to the decoded points";
+    return result;
   }
-  fitter.anneal(result.x, last_stages);
+  result.x = std::move(ends.front().x);
+  for (std::size_t k = 1; k < ends.size(); ++k) result.others.push_back(std::move(ends[k].x));
+  SurfaceFitter& fitter = search.fitter();
   std::vector<double> distances = fitter.distances(result.x, result.support);
   std::erase_if(distances, [](double distance) { return std::isnan(distance); });
   result.residual_median = quantile(distances, 0.5);
@@ -616,6 +775,18 @@ SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const
         "the cloth stays {:.1f} mm (median) from the decoded points and meets {:.0f} % of them",
         1e3 * result.residual_median, 100 * met);
   }
+  return result;
+}
+
+std::vector<RefinedSurface> refine_surfaces(const StripePoints& points, const Mask& silhouette,
+                                            const Rig& rig, const Scene& scene,
+                                            const Fabric& fabric, const std::vector<Points>& from,
+                                            int threads) {
+  std::vector<Way> ways;
+  for (const Points& x : from) ways.push_back({x, {}});
+  SurfaceSearch search(points, silhouette, rig, scene, threads, fabric);
+  std::vector<RefinedSurface> result;
+  for (End& end : search.run(ways, last)) result.push_back({std::move(end.x), end.energy});
   return result;
 }
 
