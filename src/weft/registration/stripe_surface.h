@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "weft/dynamics/scene.h"
+#include "weft/fabric/fabric.h"
 #include "weft/optics/render.h"
 #include "weft/vision/angle_map.h"
 
@@ -45,9 +46,8 @@ StripePoints decode_stripes(const Image& intensity, const Mask& silhouette, cons
 
 struct SurfaceFit {
   Points x;  ///< 3 x vertices of scene.mesh
-  /// Other surfaces that explain the points nearly as well, by their energy: what the camera does
-  /// not see is left to the sheet. At most 23; none of one sheet is within 0.5 mm (mean) of
-  /// another.
+  /// Other surfaces that explain the points, by their energy: what the camera does not see is left
+  /// to the sheet. At most 24; none is within 0.5 mm (mean) of x or of another of the same sheet.
   std::vector<Points> others;
   Eigen::VectorXi support;     ///< decoded points within 5 mm of the surface, counted at the vertex
                                ///< nearest to each; 0: placed by the cloth model alone
@@ -72,12 +72,13 @@ struct SurfaceFit {
 /// weight of the swatch per width. Points fix the surface along its normal; along itself it is
 /// placed by its rim and by being nearly inextensible. Begun from the flat sheet and four generic
 /// shapes, pulled to the points at once, and from two of them left to sag before the points pull.
-/// From the end of least energy (elastic, and misfit) ways out are tried until none lowers it by
-/// 2 % (six times at most): bending stiffened again to lengths of 30 to 120 mm, with the points
-/// pulling as before or loosely; and strips of 5 and 7.5 % of the swatch along each rim folded over
-/// to the other side, in depth, as the camera does not see on which side they hang. That is done
-/// with a sheet whose bending length is 15 mm at last, and once more from its best four ends with
-/// one of 8 mm; the surface is the best of the first, `others` are further ends of both.
+/// The one that has the least energy (elastic, and misfit) while bending is still stiff goes on.
+///
+/// `others`: from the end of least energy ways out are tried until none lowers it by 2 % (six times
+/// at most): bending stiffened again to lengths of 30 to 120 mm, with the points pulling as before
+/// or loosely; and strips of 5 and 7.5 % of the swatch along each rim folded over to the other
+/// side, in depth, as the camera does not see on which side they hang. That is done with a sheet
+/// whose bending length is 15 mm at last, and once more from its best four ends with one of 8 mm.
 ///
 /// Stiffnesses are those of a generic fabric of the scene's areal density: nothing is assumed about
 /// the fabric's parameters. Throws Error if the scene has no fixtures.

@@ -674,6 +674,7 @@ std::vector<Way> ways_out(const Scene& scene, const Vec3& eye, const Points& x) 
 struct End {
   Points x;
   double energy = kInfinity;
+  double stiff_energy = kInfinity;  ///< before the last stages
 };
 
 double mean_distance(const Points& a, const Points& b) { return (a - b).colwise().norm().mean(); }
@@ -691,6 +692,7 @@ class SurfaceSearch {
   /// Ends with `last` stages of what begins with `ways`, by energy, the least first.
   std::vector<End> run(const std::vector<Way>& ways, SheetStages last_stages) {
     ends_.clear();
+    stiffly_best_ = {};
     follow(ways, last_stages);
     for (int k = 0; k < most_ways_out && !ends_.empty(); ++k) {
       const End best = ends_.front();
@@ -700,6 +702,9 @@ class SurfaceSearch {
     return std::move(ends_);
   }
 
+  /// Of what the last run began with, the end whose energy was least before the last stages: while
+  /// the sheet is stiff it shows best where a first fold is on the wrong side.
+  const End& stiffly_best() const { return stiffly_best_; }
   SurfaceFitter& fitter() { return *fitters_.front(); }
 
  private:
@@ -709,10 +714,12 @@ class SurfaceSearch {
     parallel_for(fitters_.size(), threads_, [&](std::size_t worker) {
       for (std::size_t i = next++; i < ways.size(); i = next++) {
         found[i].x = ways[i].x;
-        if (!ways[i].stages.empty()) fitters_[worker]->anneal(found[i].x, ways[i].stages);
+        if (!ways[i].stages.empty())
+          found[i].stiff_energy = fitters_[worker]->anneal(found[i].x, ways[i].stages);
         found[i].energy = fitters_[worker]->anneal(found[i].x, last_stages);
       }
     });
+    if (ends_.empty()) stiffly_best_ = *std::ranges::min_element(found, {}, &End::stiff_energy);
     for (End& end : found)
       if (std::isfinite(end.energy)) ends_.push_back(std::move(end));
     keep_distinct();
@@ -736,6 +743,7 @@ class SurfaceSearch {
   int threads_;
   std::vector<std::unique_ptr<SurfaceFitter>> fitters_;  // one a thread
   std::vector<End> ends_;
+  End stiffly_best_;
 };
 
 }  // namespace
@@ -753,16 +761,13 @@ SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const
   }
   SurfaceSearch search(points, silhouette, rig, scene, threads);
   std::vector<End> ends = search.run(beginnings(scene), last);
+  result.x = search.stiffly_best().x;
   std::vector<Way> further;
   for (std::size_t k = 0; k < std::min(ends.size(), gone_on_with); ++k)
     further.push_back({ends[k].x, {}});
   std::ranges::move(search.run(further, limp_last), std::back_inserter(ends));
-  if (ends.empty()) {
-    result.note = "no surface could be fitted to the decoded points";
-    return result;
-  }
-  result.x = std::move(ends.front().x);
-  for (std::size_t k = 1; k < ends.size(); ++k) result.others.push_back(std::move(ends[k].x));
+  for (End& end : ends)
+    if (mean_distance(end.x, result.x) > kept_distance) result.others.push_back(std::move(end.x));
   SurfaceFitter& fitter = search.fitter();
   std::vector<double> distances = fitter.distances(result.x, result.support);
   std::erase_if(distances, [](double distance) { return std::isnan(distance); });
