@@ -79,11 +79,11 @@ class LeastSquaresFit {
     std::vector<Contender> candidates = screen();
     for (std::size_t k = 0; k < options_.stages.size() && !stopped_; ++k) {
       run_stage(options_.stages[k], candidates);
-      if (k + 1 == options_.stages.size() || stopped_) break;
-      // What the last stage but one said, it said of other starts.
-      if (renew_starts(candidates.front().scaled, options_.stages[k + 1].frames) &&
-          k + 2 == options_.stages.size())
-        run_stage(options_.stages[k], candidates);
+      const bool last = k + 1 == options_.stages.size();
+      const int frames = options_.stages[last ? k : k + 1].frames;
+      const bool renewed = !stopped_ && renew_starts(candidates.front().scaled, frames);
+      // What the last two stages said, they said of other starts.
+      if (renewed && k + 2 >= options_.stages.size()) run_stage(options_.stages[k], candidates);
     }
     conclude();
     result_.wall_s = seconds_since(begin);
@@ -207,6 +207,10 @@ class LeastSquaresFit {
     result_.scaled.resize(0);
     best_error_ = kInfinity;
     evaluate_middle();
+    const StoredEvaluation there =
+        evaluate_stored(problem_, problem_.fabric(scaled), 0, "start", store_, options_.threads);
+    result_.replayed += there.replayed;
+    note("start", scaled, 0, there.evaluation);
     return true;
   }
 
