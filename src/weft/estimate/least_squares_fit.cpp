@@ -424,6 +424,21 @@ void add_trials(int threads, FitResult& result) {
     result.trials.push_back(evaluate(*trial, result.fabric, 0, nullptr, threads));
 }
 
+/// Annealing kept the starts that suited where it began; others may suit where it ended.
+void take_better_starts(const Problem& problem, int threads, FitResult& result) {
+  if (result.stopped || !std::isfinite(result.final.error)) return;
+  std::vector<std::shared_ptr<const Trial>> trials;
+  for (const auto& trial : result.compared)
+    trials.push_back(with_start_for(trial, result.fabric, 0, threads));
+  if (trials == result.compared) return;
+  const ProblemEvaluation there = evaluate(problem.with_trials(trials), result.fabric, 0, threads);
+  if (!(there.error < result.final.error)) return;
+  result.compared = std::move(trials);
+  result.final = there;
+  result.trials.clear();
+  add_trials(threads, result);
+}
+
 }  // namespace
 
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options,
@@ -464,6 +479,7 @@ FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
   result.replayed += descent.replayed;
   result.diverged += descent.diverged;
   result.wall_s += descent.wall_s;
+  take_better_starts(from_there, options.least_squares.threads, result);
   return result;
 }
 
