@@ -49,7 +49,8 @@ struct LeastSquaresFitOptions {
 /// frames and narrower losses. The estimate is the point
 /// with the smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all
 /// frames. FitResult::start is where the last stage started (FitResult::initial if it was stopped
-/// before); there are no variability curves. Full
+/// before); there are no variability curves. After each stage the starts are chosen that suit the
+/// best candidate (with_start_for); with others the last two stages are gone through again. Full
 /// evaluations are added to `store`, and those that are not part of a linearization are replayed
 /// from it. Deterministic for a seed, whatever the number of threads. Throws Error for options out
 /// of range and for a problem with an evaluator of its own.
@@ -66,6 +67,7 @@ struct AutoFitOptions {
   /// Its start and coarse search are overwritten; annealing.max_evaluations 0: no annealing.
   FitOptions annealing;
 };
+/// Starts that suit its end better are taken where they lower the error.
 /// History and counts are those of both parts together; FitResult::start is where least squares
 /// ended. Throws what run_least_squares_fit() and run_fit() throw.
 FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options = {},
