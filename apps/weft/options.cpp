@@ -87,9 +87,7 @@ std::shared_ptr<const Trial> TrialArguments::prepare_for(const Fabric& fabric,
 
 std::vector<std::shared_ptr<const Trial>> TrialArguments::prepare_for(
     const Fabric& fabric, const std::vector<Capture>& captures, Frames frames) const {
-  std::vector<std::shared_ptr<const Trial>> trials = prepare(captures, frames);
-  for (auto& trial : trials) trial = with_start_for(trial, fabric, 0, threads_);
-  return trials;
+  return with_starts_for(prepare(captures, frames), fabric, 0, threads_);
 }
 
 std::shared_ptr<const Trial> TrialArguments::prepare_for(const Fabric& fabric,

@@ -74,6 +74,13 @@ std::shared_ptr<const Trial> with_start_for(std::shared_ptr<const Trial> trial,
   return changed;
 }
 
+std::vector<std::shared_ptr<const Trial>> with_starts_for(
+    std::vector<std::shared_ptr<const Trial>> trials, const Fabric& fabric, int frame_count,
+    int threads) {
+  for (auto& trial : trials) trial = with_start_for(trial, fabric, frame_count, threads);
+  return trials;
+}
+
 std::shared_ptr<const Trial> with_start_of(const Trial& other, std::shared_ptr<const Trial> trial) {
   if (trial->scene.start == other.scene.start) return trial;
   auto changed = std::make_shared<Trial>(*trial);

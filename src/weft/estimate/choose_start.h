@@ -1,5 +1,6 @@
 #pragma once
 #include <memory>
+#include <vector>
 
 #include "weft/estimate/problem.h"
 
@@ -18,6 +19,11 @@ namespace weft {
 std::shared_ptr<const Trial> with_start_for(std::shared_ptr<const Trial> trial,
                                             const Fabric& fabric, int frame_count = 0,
                                             int threads = 0);
+
+/// Of each.
+std::vector<std::shared_ptr<const Trial>> with_starts_for(
+    std::vector<std::shared_ptr<const Trial>> trials, const Fabric& fabric, int frame_count = 0,
+    int threads = 0);
 
 /// `trial` with the start of `other`, of the same capture on the same mesh.
 std::shared_ptr<const Trial> with_start_of(const Trial& other, std::shared_ptr<const Trial> trial);

@@ -198,10 +198,8 @@ class LeastSquaresFit {
   /// Takes the starts that suit the fabric at `scaled` over that many frames (0: all); true if one
   /// is another. The best so far, of the old ones, is then forgotten.
   bool renew_starts(const VecX& scaled, int frame_count) {
-    std::vector<std::shared_ptr<const Trial>> trials;
-    for (const auto& trial : problem_.trials())
-      trials.push_back(
-          with_start_for(trial, problem_.fabric(scaled), frame_count, options_.threads));
+    auto trials =
+        with_starts_for(problem_.trials(), problem_.fabric(scaled), frame_count, options_.threads);
     if (trials == problem_.trials()) return false;
     problem_ = problem_.with_trials(std::move(trials));
     result_.scaled.resize(0);
@@ -427,9 +425,7 @@ void add_trials(int threads, FitResult& result) {
 /// Annealing kept the starts that suited where it began; others may suit where it ended.
 void take_better_starts(const Problem& problem, int threads, FitResult& result) {
   if (result.stopped || !std::isfinite(result.final.error)) return;
-  std::vector<std::shared_ptr<const Trial>> trials;
-  for (const auto& trial : result.compared)
-    trials.push_back(with_start_for(trial, result.fabric, 0, threads));
+  auto trials = with_starts_for(result.compared, result.fabric, 0, threads);
   if (trials == result.compared) return;
   const ProblemEvaluation there = evaluate(problem.with_trials(trials), result.fabric, 0, threads);
   if (!(there.error < result.final.error)) return;

@@ -719,7 +719,8 @@ class SurfaceSearch {
         found[i].energy = fitters_[worker]->anneal(found[i].x, last_stages);
       }
     });
-    if (ends_.empty()) stiffly_best_ = *std::ranges::min_element(found, {}, &End::stiff_energy);
+    if (ends_.empty() && !found.empty())
+      stiffly_best_ = *std::ranges::min_element(found, {}, &End::stiff_energy);
     for (End& end : found)
       if (std::isfinite(end.energy)) ends_.push_back(std::move(end));
     keep_distinct();
