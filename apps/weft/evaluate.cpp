@@ -122,6 +122,7 @@ void add_evaluate(CLI::App& app) {
                       ".svg, with its numbers as .csv beside it");
   command->add_flag("--json", arguments->json, "print one JSON object");
   arguments->trial.add_to(*command);
+  arguments->trial.add_start_to(*command);
   arguments->mechanical.add_to(*command);
   arguments->scan.add_to(*command);
   command->footer(

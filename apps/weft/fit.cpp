@@ -30,6 +30,7 @@
 #include "weft/estimate/uncertainty.h"
 #include "weft/estimate/variability.h"
 #include "weft/estimate/video_mesh_error.h"
+#include "weft/mesh/mesh_io.h"
 #include "weft/report/report_html.h"
 #include "weft/report/result.h"
 
@@ -310,6 +311,15 @@ Sureness sureness_of(const Problem& problem, const FitResult& fit, const TrialAr
   return sure;
 }
 
+/// start_1.obj ...: where the motion in each capture starts, for --start of other commands.
+void write_starts(const std::filesystem::path& out,
+                  const std::vector<std::shared_ptr<const Trial>>& trials) {
+  for (std::size_t k = 0; k < trials.size(); ++k)
+    write_obj(out / fmt::format("start_{}.obj", k + 1), trials[k]->scene.mesh,
+              trials[k]->scene.start,
+              fmt::format("where settling starts in {}", trials[k]->capture.name));
+}
+
 /// The default list may name what is not searched.
 void check_coarse(const std::vector<std::string>& coarse, const std::vector<std::string>& free) {
   if (coarse == FitOptions().coarse_parameters) return;
@@ -352,6 +362,7 @@ void run_fit(const FitArguments& arguments) {
                             : run_auto_fit(problem, auto_options(arguments), &store, observer);
   progress.finish();
   write_fabric(out / "fabric.toml", fit.fabric);
+  write_starts(out, fit.compared);
   const Problem compared = problem.with_trials(fit.compared);
 
   std::vector<CaptureEvaluation> evaluations;

@@ -111,7 +111,8 @@ const std::vector<std::string>& MechanicalArguments::names() {
 
 const std::vector<std::string>& video_option_names() {
   static const std::vector<std::string> names{"--grid",  "--steps-per-frame", "--integrator",
-                                              "--alpha", "--fold-threshold",  "--cache"};
+                                              "--alpha", "--fold-threshold",  "--cache",
+                                              "--start"};
   return names;
 }
 

@@ -46,6 +46,12 @@ void TrialArguments::add_to(CLI::App& command) {
       ->capture_default_str();
 }
 
+void TrialArguments::add_start_to(CLI::App& command) {
+  command.add_option("--start", start_,
+                     "surface of frame 0, .obj: one that a fit wrote, or start.obj of weft "
+                     "simulate; else the one that suits the fabric is searched for");
+}
+
 std::string TrialArguments::default_cache_folder() {
   if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache) {
     return (std::filesystem::path(cache) / "weft").string();
@@ -71,7 +77,9 @@ std::vector<std::shared_ptr<const Trial>> TrialArguments::prepare(
 std::shared_ptr<const Trial> TrialArguments::prepare(const Capture& capture, int first,
                                                      int last) const {
   const std::filesystem::path cache = cache_ == "none" ? std::string() : cache_;
-  auto trial = prepare_trial(capture, first, last, options(), threads_, cache);
+  Capture started = capture;
+  if (!start_.empty()) started.start_surface = start_;
+  auto trial = prepare_trial(started, first, last, options(), threads_, cache);
   if (trial->start_name != "measured surface") {
     fmt::print(stderr, "{}: the motion starts from the shape \"{}\": {}\n", capture.name,
                trial->start_name, trial->start_note);

@@ -15,6 +15,8 @@ namespace weft::app {
 class TrialArguments {
  public:
   void add_to(CLI::App& command);
+  /// For a command with one capture: where its motion starts.
+  void add_start_to(CLI::App& command);
   /// Throws Error for values outside their ranges.
   TrialOptions options() const;
   int threads() const { return threads_; }
@@ -41,6 +43,7 @@ class TrialArguments {
   double alpha_ = 0.1;
   double mask_threshold_ = AngleMapOptions().mask_threshold;
   int threads_ = 0;
+  std::string start_;
   std::string cache_ = default_cache_folder();
   static std::string default_cache_folder();
 };

@@ -94,6 +94,7 @@ void add_render(CLI::App& app) {
   command->add_option("--out", arguments->out, "folder for frame_0000.png ...")->required();
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
+  arguments->trial.add_start_to(*command);
   command->footer(
       "Example:\n  weft render data/captures/cotton_waving_A --fabric satin --out out/frames");
   command->callback([arguments] { run_render(*arguments); });

@@ -302,7 +302,7 @@ void prepare_fit_folder(const std::filesystem::path& out, const std::vector<std:
   for (const std::string name : {"result.json", "fabric.toml", "report.html"}) {
     std::filesystem::remove(out / name);
   }
-  remove_results(out, R"(registered_\d+(\.obj|_weights\.csv))");
+  remove_results(out, R"(registered_\d+(\.obj|_weights\.csv)|start_\d+\.obj)");
   for (const std::string& store : stores) {
     for (const std::string ending : {"", "-wal", "-shm"}) {
       std::filesystem::remove(out / (store + ending));

@@ -84,6 +84,7 @@ void add_simulate(CLI::App& app) {
       ->required();
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
+  arguments->trial.add_start_to(*command);
   command->footer(
       "Example:\n  weft simulate data/captures/cotton_waving_A --fabric satin --out out/satin");
   command->callback([arguments] { run_simulate(*arguments); });

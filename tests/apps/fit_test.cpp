@@ -247,6 +247,24 @@ TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
   }
   EXPECT_GT(narrower, 0);
 
+  // From the surface where the fit had its motion start, the error is the fit's but for the digits
+  // of the OBJ, which are nine.
+  const std::vector<std::string> again{
+      "evaluate",          path("c"), "--fabric", path("out/fabric.toml"), "--grid", "9",
+      "--steps-per-frame", "2",       "--json"};
+  const auto from = [&](const std::string& start) {
+    std::vector<std::string> words = again;
+    words.insert(words.end(), {"--start", start});
+    return weft(words);
+  };
+  const Outcome evaluation = from(path("out/start_1.obj"));
+  ASSERT_EQ(evaluation.status, 0) << evaluation.err;
+  const double error = json::parse(evaluation.out)["fit"]["error_per_mask_pixel"];
+  EXPECT_NEAR(error, found["error"], 1e-6 * error);
+  const Outcome nowhere = from(path("none.obj"));
+  EXPECT_EQ(nowhere.status, 2);
+  EXPECT_THAT(nowhere.err, HasSubstr("none.obj"));
+
   // What follows from a fit's folder.
   const Outcome posterior = weft({"posterior", path("out"), "--steps", "50", "--burn-in", "20"});
   ASSERT_EQ(posterior.status, 0) << posterior.err;

@@ -12,6 +12,7 @@
 #include "weft/estimate/cross.h"
 #include "weft/estimate/evaluate_capture.h"
 #include "weft/estimate/fit.h"
+#include "weft/estimate/least_squares_fit.h"
 #include "weft/estimate/problem.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/mesh/mesh_io.h"
@@ -217,29 +218,52 @@ TEST_F(TrialTest, StartsFromTheSurfaceThatTheCaptureStates) {
             1e-6);
 }
 
-TEST_F(TrialTest, TakesTheStartThatSuitsTheFabric) {
-  // Of the generic starts the one that settles furthest from what the frames show.
-  Trial spoilt = *trial_;
-  spoilt.other_starts = {trial_->scene.start};
+/// It begins with the generic start that settles furthest from what the frames show; the measured
+/// one is among the others.
+std::shared_ptr<const Trial> with_the_worst_start(const Trial& trial) {
+  auto spoilt = std::make_shared<Trial>(trial);
+  spoilt->other_starts = {trial.scene.start};
   double worst = 0;
-  for (const StartShape& start : generic_starts(trial_->scene)) {
-    Trial other = *trial_;
+  for (const StartShape& start : generic_starts(trial.scene)) {
+    Trial other = trial;
     other.scene.start = start.x;
     const double error = evaluate(other, test_fabric(), 3).error;
     if (!(error > worst) || !std::isfinite(error)) continue;
     worst = error;
-    spoilt.scene.start = start.x;
+    spoilt->scene.start = start.x;
   }
+  return spoilt;
+}
+
+TEST_F(TrialTest, TakesTheStartThatSuitsTheFabric) {
+  const auto given = with_the_worst_start(*trial_);
   const double measured = evaluate(*trial_, test_fabric(), 3).error;
-  ASSERT_GT(worst, 1.5 * measured);
-  const auto given = std::make_shared<const Trial>(spoilt);
+  ASSERT_GT(evaluate(*given, test_fabric(), 3).error, 1.5 * measured);
   const auto chosen = with_start_for(given, test_fabric());
   EXPECT_LT(evaluate(*chosen, test_fabric(), 3).error, 1.1 * measured);
   // Nothing is lost, and nothing else is left to choose.
-  EXPECT_EQ(chosen->other_starts.back(), spoilt.scene.start);
+  EXPECT_EQ(chosen->other_starts.back(), given->scene.start);
   EXPECT_EQ(with_start_for(chosen, test_fabric()), chosen);
   EXPECT_EQ(with_start_for(given, test_fabric(), 0, 1)->scene.start, chosen->scene.start);
   EXPECT_EQ(with_start_of(*chosen, given)->scene.start, chosen->scene.start);
+}
+
+TEST_F(TrialTest, AFitFindsFabricAndStartTogether) {
+  const auto given = with_the_worst_start(*trial_);
+  const Problem problem({given}, test_fabric(), {"bend_stiffness"});
+  LeastSquaresFitOptions options;
+  options.start = FitOptions::Start::initial;
+  options.screening_points = 0;
+  options.stages = {{0, 1, 1, 3, 1, 0.05}};
+  const FitResult found = run_least_squares_fit(problem, options);
+  ASSERT_EQ(found.compared.size(), 1u);
+  EXPECT_NE(found.compared.front()->scene.start, given->scene.start);
+  EXPECT_LT(found.final.error, 1.1 * evaluate(*trial_, test_fabric()).error_per_mask_pixel);
+  // What it says, it says of that start.
+  const Problem compared = problem.with_trials(found.compared);
+  EXPECT_EQ(found.final.error, evaluate(compared, found.fabric).error);
+  const Fabric middle = problem.fabric(VecX::Constant(1, 0.5));
+  EXPECT_EQ(found.initial.error, evaluate(compared, middle).error);
 }
 
 TEST_F(TrialTest, AStartThatTheCaptureStatesStays) {

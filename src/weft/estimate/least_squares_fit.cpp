@@ -22,8 +22,10 @@ namespace {
 /// Of the error of the candidates: dents of one way are 2 to 5 % deep.
 constexpr double kAnotherWay = 0.9;
 
+/// A fabric, and the starts that suit it.
 struct Contender {
   VecX scaled;
+  std::shared_ptr<const Problem> problem;
   double cost = kInfinity;
 };
 
@@ -54,7 +56,10 @@ class LeastSquaresFit {
  public:
   LeastSquaresFit(const Problem& problem, const LeastSquaresFitOptions& options,
                   EvaluationStore* store, const FitObserver& observer)
-      : problem_(problem), options_(options), store_(store), observer_(observer) {
+      : problem_(std::make_shared<Problem>(problem)),
+        options_(options),
+        store_(store),
+        observer_(observer) {
     if (problem.evaluator())
       throw Error("least squares needs trials; this problem has an evaluator of its own");
     if (options.screening_points < 0) throw Error("screening_points must not be negative");
@@ -77,11 +82,11 @@ class LeastSquaresFit {
   FitResult run() {
     const auto begin = Clock::now();
     std::vector<Contender> candidates = screen();
+    renew_starts(options_.stages.front(), candidates);
     for (std::size_t k = 0; k < options_.stages.size() && !stopped_; ++k) {
       run_stage(options_.stages[k], candidates);
       const bool last = k + 1 == options_.stages.size();
-      const int frames = options_.stages[last ? k : k + 1].frames;
-      const bool renewed = !stopped_ && renew_starts(candidates.front().scaled, frames);
+      const bool renewed = renew_starts(options_.stages[last ? k : k + 1], candidates);
       // What the last two stages said, they said of other starts.
       if (renewed && k + 2 >= options_.stages.size()) run_stage(options_.stages[k], candidates);
     }
@@ -92,14 +97,14 @@ class LeastSquaresFit {
 
  private:
   /// Tells the observer, and records. `total`: of the phase, 0 if not known.
-  void note(const std::string& phase, const VecX& scaled, int frame_count,
+  void note(const std::string& phase, const Contender& point, int frame_count,
             const ProblemEvaluation& evaluation, std::size_t total = 0) {
     announce(phase, evaluation, total);
-    record(phase, scaled, frame_count, evaluation);
+    record(phase, point, frame_count, evaluation);
   }
 
   /// History and best so far, in an order that does not depend on the threads.
-  void record(const std::string& phase, const VecX& scaled, int frame_count,
+  void record(const std::string& phase, const Contender& point, int frame_count,
               const ProblemEvaluation& evaluation) {
     ++result_.evaluations;
     result_.diverged += evaluation.diverged;
@@ -107,10 +112,11 @@ class LeastSquaresFit {
     const double best =
         first ? evaluation.error : std::min(result_.history.back().best, evaluation.error);
     result_.history.push_back({phase, result_.history.size() + 1, evaluation.error, best, 0});
-    const double error = evaluation.error + problem_.prior_cost(scaled, prior_weight_);
+    const double error = evaluation.error + problem_->prior_cost(point.scaled, prior_weight_);
     if (frame_count == 0 && (result_.scaled.size() == 0 || error < best_error_)) {
-      result_.scaled = scaled;
+      result_.scaled = point.scaled;
       result_.final = evaluation;
+      best_problem_ = point.problem;
       best_error_ = error;
     }
   }
@@ -130,18 +136,26 @@ class LeastSquaresFit {
     if (interrupted()) stopped_ = true;
   }
 
-  void note_middle(const VecX& middle, const StoredEvaluation& stored) {
+  Contender middle() const { return {VecX::Constant(problem_->dimension(), 0.5), problem_}; }
+
+  StoredEvaluation evaluate_point(const Contender& point, int frame_count, const std::string& phase,
+                                  int threads) const {
+    return evaluate_stored(*point.problem, problem_->fabric(point.scaled), frame_count, phase,
+                           store_, threads);
+  }
+
+  void note_middle(const StoredEvaluation& stored) {
     result_.replayed += stored.replayed;
     result_.initial = result_.start = stored.evaluation;
-    result_.start_fabric = problem_.fabric(middle);
-    note("start", middle, 0, stored.evaluation, 1);
+    result_.start_fabric = problem_->fabric(middle().scaled);
+    note("start", middle(), 0, stored.evaluation, 1);
   }
 
   /// Where parameters stay that nothing determines.
   VecX reference() const {
     if (options_.start == FitOptions::Start::initial)
-      return problem_.scaled(problem_.initial()).cwiseMax(0).cwiseMin(1);
-    return VecX::Constant(problem_.dimension(), 0.5);
+      return problem_->scaled(problem_->initial()).cwiseMax(0).cwiseMin(1);
+    return VecX::Constant(problem_->dimension(), 0.5);
   }
 
   VecX first_guess() const {
@@ -155,14 +169,14 @@ class LeastSquaresFit {
 
   /// The start and the points of the screening about it; the start alone without one.
   std::vector<Contender> points_to_screen() const {
-    std::vector<Contender> candidates{{first_guess(), 0}};
+    std::vector<Contender> candidates{{first_guess(), problem_, 0}};
     std::vector<Eigen::Index> dimensions;
     for (const std::string& name : options_.screening_parameters)
-      if (const int i = problem_.index_of(name); i >= 0) dimensions.push_back(i);
+      if (const int i = problem_->index_of(name); i >= 0) dimensions.push_back(i);
     if (options_.screening_points == 0 || dimensions.empty()) return candidates;
     for (const VecX& point : latin_hypercube(options_.screening_points,
                                              static_cast<int>(dimensions.size()), options_.seed)) {
-      candidates.push_back({reference(), kInfinity});
+      candidates.push_back({reference(), problem_});
       candidates.back().scaled(dimensions) = point;
     }
     return candidates;
@@ -172,50 +186,48 @@ class LeastSquaresFit {
   /// side by side: a simulation has one thread. Returns the points, best first.
   std::vector<Contender> screen() {
     std::vector<Contender> candidates = points_to_screen();
-    const VecX middle = VecX::Constant(problem_.dimension(), 0.5);
     const std::size_t screened = candidates.size() > 1 ? candidates.size() : 0;
     std::vector<StoredEvaluation> evaluations(1 + screened);
     parallel_for(evaluations.size(), options_.threads, [&](std::size_t i) {
       if (i == 0)
-        evaluations[i] = evaluate_stored(problem_, problem_.fabric(middle), 0, "start", store_,
-                                         options_.threads);
+        evaluations[i] = evaluate_point(middle(), 0, "start", options_.threads);
       else if (!interrupted())
-        evaluations[i] = evaluate_stored(problem_, problem_.fabric(candidates[i - 1].scaled),
-                                         options_.screening_frames, "screening", store_, 1);
+        evaluations[i] =
+            evaluate_point(candidates[i - 1], options_.screening_frames, "screening", 1);
     });
-    note_middle(middle, evaluations[0]);
+    note_middle(evaluations[0]);
     for (std::size_t i = 0; i < screened && !stopped_; ++i) {
       const StoredEvaluation& stored = evaluations[i + 1];
       result_.replayed += stored.replayed;
       candidates[i].cost = stored.evaluation.error;
-      note("screening", candidates[i].scaled, options_.screening_frames, stored.evaluation,
-           screened);
+      note("screening", candidates[i], options_.screening_frames, stored.evaluation, screened);
     }
     keep_best(candidates, static_cast<int>(candidates.size()));
     return candidates;
   }
 
-  /// Takes the starts that suit the fabric at `scaled` over that many frames (0: all); true if one
-  /// is another. The best so far, of the old ones, is then forgotten.
-  bool renew_starts(const VecX& scaled, int frame_count) {
-    auto trials =
-        with_starts_for(problem_.trials(), problem_.fabric(scaled), frame_count, options_.threads);
-    if (trials == problem_.trials()) return false;
-    problem_ = problem_.with_trials(std::move(trials));
-    result_.scaled.resize(0);
-    best_error_ = kInfinity;
-    evaluate_middle();
-    const StoredEvaluation there =
-        evaluate_stored(problem_, problem_.fabric(scaled), 0, "start", store_, options_.threads);
-    result_.replayed += there.replayed;
-    note("start", scaled, 0, there.evaluation);
-    return true;
-  }
-
-  void evaluate_middle() {
-    const VecX middle = VecX::Constant(problem_.dimension(), 0.5);
-    note_middle(middle, evaluate_stored(problem_, problem_.fabric(middle), 0, "start", store_,
-                                        options_.threads));
+  /// Gives each candidate that goes on to `next` the starts that suit its fabric over the frames
+  /// there; true if the best one's are others than before.
+  bool renew_starts(const FitStage& next, std::vector<Contender>& candidates) {
+    if (stopped_) return false;
+    keep_best(candidates, next.survivors);
+    const std::shared_ptr<const Problem> before = candidates.front().problem;
+    const int threads = candidates.size() > 1 ? 1 : options_.threads;
+    parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
+      if (stopped_) return;
+      Contender& candidate = candidates[i];
+      auto trials = with_starts_for(candidate.problem->trials(), problem_->fabric(candidate.scaled),
+                                    next.frames, threads);
+      if (trials != candidate.problem->trials()) {
+        candidate.problem =
+            std::make_shared<Problem>(candidate.problem->with_trials(std::move(trials)));
+        renewed_ = true;
+      }
+      ProblemEvaluation known;
+      known.error = candidate.cost;
+      announce("starts", known, candidates.size());
+    });
+    return candidates.front().problem != before;
   }
 
   LinearizationOptions linearization_of(const FitStage& stage) const {
@@ -235,7 +247,8 @@ class LeastSquaresFit {
     if (first) keep_best(candidates, stage.survivors);  // by the screening
     const std::size_t descended = candidates.size();
     add_scattered(stage, candidates);
-    const bool compared = candidates.size() == 1 || (first && stage.scattered == 0);
+    const bool compared = candidates.size() == 1 || (first && stage.scattered == 0 && !renewed_);
+    renewed_ = false;
     // On all frames one alone is evaluated, too: no fit ends above where its last stage began.
     if (!compared || stage.frames == 0) compare_candidates(stage, candidates);
     keep_other_ways(descended, candidates);
@@ -245,14 +258,17 @@ class LeastSquaresFit {
       if (!stopped_) descents[i] = improve(stage, candidates[i]);
     });
     if (&stage == &options_.stages.back() && descents.front().end.size() > 0) {
-      result_.start_fabric = problem_.fabric(candidates.front().scaled);
+      result_.start_fabric = problem_->fabric(candidates.front().scaled);
       result_.start = descents.front().start;
     }
     if (descents.front().end.size() > 0) weigh_priors(descents.front().prior_weight);
     for (std::size_t i = 0; i < candidates.size(); ++i) {
       for (const Tried& tried : descents[i].tried)
-        record(phase_of(stage), tried.scaled, stage.frames, tried.evaluation);
-      if (descents[i].end.size() > 0) candidates[i] = {descents[i].end, descents[i].cost};
+        record(phase_of(stage), {tried.scaled, candidates[i].problem}, stage.frames,
+               tried.evaluation);
+      if (descents[i].end.size() == 0) continue;
+      candidates[i].scaled = descents[i].end;
+      candidates[i].cost = descents[i].cost;
     }
   }
 
@@ -288,14 +304,13 @@ class LeastSquaresFit {
     std::vector<StoredEvaluation> evaluations(candidates.size());
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
       if (interrupted()) return;
-      evaluations[i] = evaluate_stored(problem_, problem_.fabric(candidates[i].scaled),
-                                       stage.frames, phase_of(stage), store_, 1);
+      evaluations[i] = evaluate_point(candidates[i], stage.frames, phase_of(stage), 1);
     });
     if (interrupted()) stopped_ = true;  // some were left out
     for (std::size_t i = 0; i < candidates.size() && !stopped_; ++i) {
       result_.replayed += evaluations[i].replayed;
       candidates[i].cost = evaluations[i].evaluation.error;
-      note(phase_of(stage), candidates[i].scaled, stage.frames, evaluations[i].evaluation);
+      note(phase_of(stage), candidates[i], stage.frames, evaluations[i].evaluation);
     }
   }
 
@@ -312,9 +327,10 @@ class LeastSquaresFit {
     double prior_weight = 0;  ///< by the noise of the first linearization's residuals
   };
 
-  double prior_weight_at(const VecX& scaled, const LinearizationOptions& options) const {
-    if (!problem_.has_prior()) return 0;
-    const std::vector<PatchPart> parts = linearize_patches(problem_, scaled, options);
+  double prior_weight_at(const Problem& problem, const VecX& scaled,
+                         const LinearizationOptions& options) const {
+    if (!problem.has_prior()) return 0;
+    const std::vector<PatchPart> parts = linearize_patches(problem, scaled, options);
     if (frames_of(parts).size() < 2) return prior_weight_;
     const double dispersion = cluster_dispersion(parts);
     return std::isfinite(dispersion) ? dispersion : prior_weight_;
@@ -324,12 +340,12 @@ class LeastSquaresFit {
   void weigh_priors(double weight) {
     prior_weight_ = weight;
     if (result_.scaled.size() > 0)
-      best_error_ = result_.final.error + problem_.prior_cost(result_.scaled, prior_weight_);
+      best_error_ = result_.final.error + problem_->prior_cost(result_.scaled, prior_weight_);
   }
 
   void add_priors(const VecX& scaled, double weight, QuadraticModel& model) const {
     if (weight == 0 || !std::isfinite(model.cost)) return;
-    const QuadraticModel prior = problem_.prior_model(scaled);
+    const QuadraticModel prior = problem_->prior_model(scaled);
     model.cost += weight * prior.cost;
     model.gradient += weight * prior.gradient;
     model.hessian += weight * prior.hessian;
@@ -339,15 +355,16 @@ class LeastSquaresFit {
     const LinearizationOptions options = linearization_of(stage);
     const std::string phase = phase_of(stage);
     const VecX origin = reference();
+    const Problem& problem = *candidate.problem;
     Descent descent;
     descent.prior_weight = prior_weight_;
     double pull = -1;  // set by the first linearization, as is the weight of the priors
     const auto linearized = [&](const VecX& scaled) {
-      ProblemLinearization found = linearize(problem_, scaled, options);
+      ProblemLinearization found = linearize(problem, scaled, options);
       if (pull < 0) {
         pull = std::isfinite(found.model.cost) ? stage.pull * found.model.cost : 0;
         descent.start = found.evaluation;
-        descent.prior_weight = prior_weight_at(scaled, options);
+        descent.prior_weight = prior_weight_at(problem, scaled, options);
       }
       add_priors(scaled, descent.prior_weight, found.model);
       found.model.cost += pull * (scaled - origin).squaredNorm();
@@ -356,12 +373,12 @@ class LeastSquaresFit {
       return found.model;
     };
     const auto cost = [&](const VecX& scaled) {
-      const ProblemCost found = evaluate_cost(problem_, scaled, options);
+      const ProblemCost found = evaluate_cost(problem, scaled, options);
       if (store_)
-        store_->add(problem_, problem_.fabric(scaled), stage.frames, phase, found.evaluation);
+        store_->add(problem, problem.fabric(scaled), stage.frames, phase, found.evaluation);
       descent.tried.push_back({scaled, found.evaluation});
       announce(phase, found.evaluation);
-      return found.cost + problem_.prior_cost(scaled, descent.prior_weight) +
+      return found.cost + problem.prior_cost(scaled, descent.prior_weight) +
              pull * (scaled - origin).squaredNorm();
     };
     LeastSquaresOptions solver = options_.solver;
@@ -375,20 +392,30 @@ class LeastSquaresFit {
     return descent;
   }
 
+  /// Reports show the middle of the ranges beside the estimate: from one start.
+  void look_at_middle_from_there() {
+    const StoredEvaluation stored =
+        evaluate_point({middle().scaled, best_problem_}, 0, "start", options_.threads);
+    result_.replayed += stored.replayed;
+    result_.initial = stored.evaluation;
+    ++result_.evaluations;
+  }
+
   void conclude() {
-    result_.compared = problem_.trials();
-    result_.fabric = problem_.fabric(result_.scaled);
+    if (best_problem_ != problem_ && !stopped_) look_at_middle_from_there();
+    result_.compared = best_problem_->trials();
+    result_.fabric = problem_->fabric(result_.scaled);
     result_.prior_weight = prior_weight_;
-    result_.prior_error = problem_.prior_cost(result_.scaled, prior_weight_);
+    result_.prior_error = problem_->prior_cost(result_.scaled, prior_weight_);
     result_.stopped = stopped_;
     warn();
   }
 
   void warn() {
-    for (int i = 0; i < problem_.dimension(); ++i) {
+    for (int i = 0; i < problem_->dimension(); ++i) {
       const double scaled = result_.scaled[i];
       if (scaled >= at_bound_distance && scaled <= 1 - at_bound_distance) continue;
-      const ParameterInfo& info = problem_.info(i);
+      const ParameterInfo& info = problem_->info(i);
       result_.warnings.push_back(fmt::format("{} lies at the {} bound of its range ({:.4g} {})",
                                              info.name, scaled < 0.5 ? "lower" : "upper",
                                              result_.fabric.value(info.name), info.unit));
@@ -401,7 +428,8 @@ class LeastSquaresFit {
     if (stopped_) result_.warnings.push_back("stopped before the end: the best so far");
   }
 
-  Problem problem_;  // with the starts that suit what was found
+  std::shared_ptr<const Problem> problem_;       // with the starts that were given
+  std::shared_ptr<const Problem> best_problem_;  // of the best so far
   const LeastSquaresFitOptions& options_;
   EvaluationStore* store_;
   const FitObserver& observer_;
@@ -410,6 +438,7 @@ class LeastSquaresFit {
   double phase_best_ = kInfinity;
   std::size_t phase_done_ = 0, announced_ = 0;
   std::atomic<bool> stopped_ = false;
+  std::atomic<bool> renewed_ = false;  // starts, since candidates were compared
   double best_error_ = kInfinity;
   double prior_weight_ = 0;
   FitResult result_;

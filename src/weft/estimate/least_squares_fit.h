@@ -49,9 +49,10 @@ struct LeastSquaresFitOptions {
 /// frames and narrower losses. The estimate is the point
 /// with the smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all
 /// frames. FitResult::start is where the last stage started (FitResult::initial if it was stopped
-/// before); there are no variability curves. After each stage the starts are chosen that suit the
-/// best candidate (with_start_for); with others the last two stages are gone through again. Full
-/// evaluations are added to `store`, and those that are not part of a linearization are replayed
+/// before); there are no variability curves. Each candidate that goes on to a stage is given the
+/// starts that suit it (with_start_for), and again after the last stage; where the best one's are
+/// others the last two stages are gone through again. FitResult::compared has the starts of the
+/// estimate. Full evaluations are added to `store`, and those that are not part of a linearization are replayed
 /// from it. Deterministic for a seed, whatever the number of threads. Throws Error for options out
 /// of range and for a problem with an evaluator of its own.
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},

@@ -83,7 +83,8 @@ void set_start(Trial& trial, const Image& first_frame, int threads) {
     return;
   }
   const FirstFrame frame = decode_first_frame(first_frame, capture, trial.scene);
-  SurfaceFit fit = fit_surface(frame.points, frame.silhouette, capture.rig, trial.scene, threads);
+  SurfaceFit fit = fit_surface(frame.points, frame.silhouette, capture.rig, trial.scene,
+                               {.others = true, .threads = threads});
   trial.start_note = fit.note;
   if (fit.usable) {
     trial.scene.start = std::move(fit.x);

@@ -48,6 +48,7 @@ struct SurfaceFit {
   Points x;  ///< 3 x vertices of scene.mesh
   /// Other surfaces that explain the points, by their energy: what the camera does not see is left
   /// to the sheet. At most 24; none is within 0.5 mm (mean) of x or of another of the same sheet.
+  /// Empty unless asked for.
   std::vector<Points> others;
   Eigen::VectorXi support;     ///< decoded points within 5 mm of the surface, counted at the vertex
                                ///< nearest to each; 0: placed by the cloth model alone
@@ -58,6 +59,11 @@ struct SurfaceFit {
   /// where the fitted surface is seen; x is then a guess.
   bool usable = false;
   std::string note;  ///< why not
+};
+
+struct SurfaceFitOptions {
+  bool others = false;  ///< whether to search for them: four times as long
+  int threads = 1;      ///< 0: all cores; the result does not depend on it
 };
 
 /// Fits the swatch mesh of `scene` to the decoded points and the silhouette, with its fixtures
@@ -74,16 +80,17 @@ struct SurfaceFit {
 /// shapes, pulled to the points at once, and from two of them left to sag before the points pull.
 /// The one that has the least energy (elastic, and misfit) while bending is still stiff goes on.
 ///
-/// `others`: from the end of least energy ways out are tried until none lowers it by 2 % (six times
-/// at most): bending stiffened again to lengths of 30 to 120 mm, with the points pulling as before
-/// or loosely; and strips of 5 and 7.5 % of the swatch along each rim folded over to the other
-/// side, in depth, as the camera does not see on which side they hang. That is done with a sheet
-/// whose bending length is 15 mm at last, and once more from its best four ends with one of 8 mm.
+/// SurfaceFit::others: from the end of least energy ways out are tried until none lowers it by 2 %
+/// (six times at most): bending stiffened again to lengths of 30 to 120 mm, with the points pulling
+/// as before or loosely; and strips of 5 and 7.5 % of the swatch along each rim folded over to the
+/// other side, in depth, as the camera does not see on which side they hang. That is done with a
+/// sheet whose bending length is 15 mm at last, and once more from its best four ends with one of 8
+/// mm.
 ///
 /// Stiffnesses are those of a generic fabric of the scene's areal density: nothing is assumed about
 /// the fabric's parameters. Throws Error if the scene has no fixtures.
 SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const Rig& rig,
-                       const Scene& scene, int threads = 1);
+                       const Scene& scene, const SurfaceFitOptions& options = {});
 
 /// A surface, and how well it explains the points.
 struct RefinedSurface {

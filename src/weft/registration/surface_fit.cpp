@@ -689,11 +689,15 @@ class SurfaceSearch {
       fitters_.push_back(std::make_unique<SurfaceFitter>(points, silhouette, rig, scene, fabric));
   }
 
-  /// Ends with `last` stages of what begins with `ways`, by energy, the least first.
-  std::vector<End> run(const std::vector<Way>& ways, SheetStages last_stages) {
+  /// Begins anew, with those ways and then `last` stages.
+  void begin(const std::vector<Way>& ways, SheetStages last_stages) {
     ends_.clear();
     stiffly_best_ = {};
     follow(ways, last_stages);
+  }
+
+  /// Takes ways out of the best end while they lower it; the ends by energy, the least first.
+  std::vector<End> go_on(SheetStages last_stages) {
     for (int k = 0; k < most_ways_out && !ends_.empty(); ++k) {
       const End best = ends_.front();
       follow(ways_out(scene_, eye_, best.x), last_stages);
@@ -702,7 +706,7 @@ class SurfaceSearch {
     return std::move(ends_);
   }
 
-  /// Of what the last run began with, the end whose energy was least before the last stages: while
+  /// Of what was begun with, the end whose energy was least before the last stages: while
   /// the sheet is stiff it shows best where a first fold is on the wrong side.
   const End& stiffly_best() const { return stiffly_best_; }
   SurfaceFitter& fitter() { return *fitters_.front(); }
@@ -747,10 +751,21 @@ class SurfaceSearch {
   End stiffly_best_;
 };
 
+/// Of the sheet that was begun with, and of a limp one.
+std::vector<End> other_ends(SurfaceSearch& search) {
+  std::vector<End> ends = search.go_on(last);
+  std::vector<Way> further;
+  for (std::size_t k = 0; k < std::min(ends.size(), gone_on_with); ++k)
+    further.push_back({ends[k].x, {}});
+  search.begin(further, limp_last);
+  std::ranges::move(search.go_on(limp_last), std::back_inserter(ends));
+  return ends;
+}
+
 }  // namespace
 
 SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const Rig& rig,
-                       const Scene& scene, int threads) {
+                       const Scene& scene, const SurfaceFitOptions& options) {
   SurfaceFit result;
   result.points = static_cast<int>(points.pixel.cols());
   result.support = Eigen::VectorXi::Zero(scene.mesh.vertex_count());
@@ -760,15 +775,13 @@ SurfaceFit fit_surface(const StripePoints& points, const Mask& silhouette, const
                               result.points, least_points);
     return result;
   }
-  SurfaceSearch search(points, silhouette, rig, scene, threads);
-  std::vector<End> ends = search.run(beginnings(scene), last);
+  SurfaceSearch search(points, silhouette, rig, scene, options.threads);
+  search.begin(beginnings(scene), last);
   result.x = search.stiffly_best().x;
-  std::vector<Way> further;
-  for (std::size_t k = 0; k < std::min(ends.size(), gone_on_with); ++k)
-    further.push_back({ends[k].x, {}});
-  std::ranges::move(search.run(further, limp_last), std::back_inserter(ends));
-  for (End& end : ends)
-    if (mean_distance(end.x, result.x) > kept_distance) result.others.push_back(std::move(end.x));
+  if (options.others) {
+    for (End& end : other_ends(search))
+      if (mean_distance(end.x, result.x) > kept_distance) result.others.push_back(std::move(end.x));
+  }
   SurfaceFitter& fitter = search.fitter();
   std::vector<double> distances = fitter.distances(result.x, result.support);
   std::erase_if(distances, [](double distance) { return std::isnan(distance); });
@@ -792,7 +805,8 @@ std::vector<RefinedSurface> refine_surfaces(const StripePoints& points, const Ma
   for (const Points& x : from) ways.push_back({x, {}});
   SurfaceSearch search(points, silhouette, rig, scene, threads, fabric);
   std::vector<RefinedSurface> result;
-  for (End& end : search.run(ways, last)) result.push_back({std::move(end.x), end.energy});
+  search.begin(ways, last);
+  for (End& end : search.go_on(last)) result.push_back({std::move(end.x), end.energy});
   return result;
 }
 
