@@ -311,7 +311,7 @@ Sureness sureness_of(const Problem& problem, const FitResult& fit, const TrialAr
   return sure;
 }
 
-/// start_1.obj ...: where the motion in each capture starts, for --start of other commands.
+/// start_1.obj ...: where the motion in each capture starts, for --start-surface of other commands.
 void write_starts(const std::filesystem::path& out,
                   const std::vector<std::shared_ptr<const Trial>>& trials) {
   for (std::size_t k = 0; k < trials.size(); ++k)

@@ -110,9 +110,9 @@ const std::vector<std::string>& MechanicalArguments::names() {
 }
 
 const std::vector<std::string>& video_option_names() {
-  static const std::vector<std::string> names{"--grid",  "--steps-per-frame", "--integrator",
-                                              "--alpha", "--fold-threshold",  "--cache",
-                                              "--start"};
+  static const std::vector<std::string> names{"--grid",         "--steps-per-frame", "--integrator",
+                                              "--alpha",        "--fold-threshold",  "--cache",
+                                              "--start-surface"};
   return names;
 }
 

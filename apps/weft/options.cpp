@@ -47,7 +47,7 @@ void TrialArguments::add_to(CLI::App& command) {
 }
 
 void TrialArguments::add_start_to(CLI::App& command) {
-  command.add_option("--start", start_,
+  command.add_option("--start-surface", start_,
                      "surface of frame 0, .obj: one that a fit wrote, or start.obj of weft "
                      "simulate; else the one that suits the fabric is searched for");
 }

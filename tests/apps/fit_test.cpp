@@ -254,7 +254,7 @@ TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
       "--steps-per-frame", "2",       "--json"};
   const auto from = [&](const std::string& start) {
     std::vector<std::string> words = again;
-    words.insert(words.end(), {"--start", start});
+    words.insert(words.end(), {"--start-surface", start});
     return weft(words);
   };
   const Outcome evaluation = from(path("out/start_1.obj"));

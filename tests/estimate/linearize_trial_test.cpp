@@ -241,7 +241,8 @@ TEST_F(LinearizeTest, AFitRecoversTheFabric) {
         if (phases.empty() || phases.back() != p.step.phase) phases.push_back(p.step.phase);
         return true;
       });
-  EXPECT_EQ(phases, (std::vector<std::string>{"start", "screening", "2 frames", "all frames"}));
+  EXPECT_EQ(phases, (std::vector<std::string>{"start", "screening", "starts", "2 frames", "starts",
+                                              "all frames", "starts"}));
   EXPECT_LT(std::abs(std::log(result.fabric.value("bend_stiffness") / 2e-5)), std::log(1.4));
   EXPECT_LT(std::abs(std::log(result.fabric.value("stretch_stiffness") / 100)), std::log(1.2));
   EXPECT_LE(result.final.error, 1.05 * evaluate(problem(), true_fabric()).error);

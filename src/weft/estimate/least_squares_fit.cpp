@@ -209,18 +209,21 @@ class LeastSquaresFit {
   /// Gives each candidate that goes on to `next` the starts that suit its fabric over the frames
   /// there; true if the best one's are others than before.
   bool renew_starts(const FitStage& next, std::vector<Contender>& candidates) {
-    if (stopped_) return false;
+    const auto& trials = problem_->trials();
+    const bool choice =
+        std::ranges::any_of(trials, [](const auto& trial) { return !trial->other_starts.empty(); });
+    if (stopped_ || !choice) return false;
     keep_best(candidates, next.survivors);
     const std::shared_ptr<const Problem> before = candidates.front().problem;
     const int threads = candidates.size() > 1 ? 1 : options_.threads;
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
       if (stopped_) return;
       Contender& candidate = candidates[i];
-      auto trials = with_starts_for(candidate.problem->trials(), problem_->fabric(candidate.scaled),
+      auto suited = with_starts_for(candidate.problem->trials(), problem_->fabric(candidate.scaled),
                                     next.frames, threads);
-      if (trials != candidate.problem->trials()) {
+      if (suited != candidate.problem->trials()) {
         candidate.problem =
-            std::make_shared<Problem>(candidate.problem->with_trials(std::move(trials)));
+            std::make_shared<Problem>(candidate.problem->with_trials(std::move(suited)));
         renewed_ = true;
       }
       ProblemEvaluation known;
