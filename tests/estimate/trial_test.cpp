@@ -264,6 +264,7 @@ TEST_F(TrialTest, AFitFindsFabricAndStartTogether) {
   EXPECT_EQ(found.final.error, evaluate(compared, found.fabric).error);
   const Fabric middle = problem.fabric(VecX::Constant(1, 0.5));
   EXPECT_EQ(found.initial.error, evaluate(compared, middle).error);
+  EXPECT_EQ(found.history.size(), found.evaluations);
 }
 
 TEST_F(TrialTest, AStartThatTheCaptureStatesStays) {

@@ -142,6 +142,7 @@ TEST(FitSurface, FindsVerticalFolds) {
   const SurfaceFit fit = fit_surface(points, frame.silhouette, rig, scene);
   EXPECT_TRUE(fit.usable) << fit.note;
   EXPECT_EQ(fit.points, points.pixel.cols());
+  EXPECT_TRUE(fit.others.empty());
   EXPECT_GT((fit.support.array() > 0).count(), 0.8 * scene.mesh.vertex_count());
 
   const Points truth = vertical_folds(scene.mesh.material, 0.6);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <memory>
 #include <mutex>
 #include <numeric>
 
@@ -397,11 +398,11 @@ class LeastSquaresFit {
 
   /// Reports show the middle of the ranges beside the estimate: from one start.
   void look_at_middle_from_there() {
-    const StoredEvaluation stored =
-        evaluate_point({middle().scaled, best_problem_}, 0, "start", options_.threads);
+    const Contender there{middle().scaled, best_problem_};
+    const StoredEvaluation stored = evaluate_point(there, 0, "start", options_.threads);
     result_.replayed += stored.replayed;
     result_.initial = stored.evaluation;
-    ++result_.evaluations;
+    note("start", there, 0, stored.evaluation, 1);
   }
 
   void conclude() {

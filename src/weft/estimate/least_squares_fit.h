@@ -52,9 +52,9 @@ struct LeastSquaresFitOptions {
 /// before); there are no variability curves. Each candidate that goes on to a stage is given the
 /// starts that suit it (with_start_for), and again after the last stage; where the best one's are
 /// others the last two stages are gone through again. FitResult::compared has the starts of the
-/// estimate. Full evaluations are added to `store`, and those that are not part of a linearization are replayed
-/// from it. Deterministic for a seed, whatever the number of threads. Throws Error for options out
-/// of range and for a problem with an evaluator of its own.
+/// estimate. Full evaluations are added to `store`, and those that are not part of a linearization
+/// are replayed from it. Deterministic for a seed, whatever the number of threads. Throws Error for
+/// options out of range and for a problem with an evaluator of its own.
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},
                                 EvaluationStore* store = nullptr, const FitObserver& observer = {});
 
