@@ -1,7 +1,7 @@
 #include "weft/estimate/choose_start.h"
 
 #include <algorithm>
-#include <numeric>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -15,40 +15,119 @@ namespace {
 
 // Of the error of the trial's own start. Starts that settle alike differ by less.
 constexpr double kLowered = 0.9;
-// As many as are settled, of the least energy, and as many as are moved, of those that look most
-// like the first frame.
-constexpr std::size_t kSettled = 6, kMoved = 3;
+// Shapes nearer to each other are one, m, mean over the vertices.
+constexpr double kSame = 1e-4;
+constexpr double kOther = 5e-4;  // those that are moved are further apart
+// A search goes on while one of so many steps lowers the error to this part.
+constexpr double kGained = 0.97;
+constexpr int kFruitless = 2;
+// As many are moved, of those that look most like the first frame.
+constexpr std::size_t kMoved = 3;
 
-std::vector<RefinedSurface> refined_starts(const Trial& trial, const Fabric& fabric, int threads) {
-  const FirstFrame frame = decode_first_frame(trial.capture, trial.scene);
-  std::vector<Points> starts{trial.scene.start};
-  starts.insert(starts.end(), trial.other_starts.begin(), trial.other_starts.end());
-  return refine_surfaces(frame.points, frame.silhouette, trial.capture.rig, trial.scene, fabric,
-                         starts, threads);
-}
+double mean_distance(const Points& a, const Points& b) { return (a - b).colwise().norm().mean(); }
+
+/// A start, and where the cloth hangs from there.
+struct Settled {
+  Points start, shape;
+  double error = kInfinity;  ///< of the first compared frame
+  bool gone_out_from = false;
+};
+
+/// The starts of one trial for one fabric, by the error of the first compared frame.
+class StartSearch {
+ public:
+  StartSearch(const Trial& trial, const Fabric& fabric, int threads)
+      : trial_(trial),
+        fabric_(fabric),
+        frame_(decode_first_frame(trial.capture, trial.scene)),
+        threads_(threads) {}
+
+  /// Refines and settles these.
+  void begin(const std::vector<Points>& starts) { add(starts); }
+
+  /// The same from the shapes that were found, the best first, while that finds better ones:
+  /// refine_surfaces() tries ways out from there, and a shape that has settled is another place to
+  /// begin than the surface that it settled from.
+  void go_on() {
+    for (int fruitless = 0; fruitless < kFruitless;) {
+      const auto next = std::ranges::find(found_, false, &Settled::gone_out_from);
+      if (next == found_.end()) return;
+      next->gone_out_from = true;
+      const double before = found_.front().error;
+      add({next->shape});
+      fruitless = found_.front().error < kGained * before ? 0 : fruitless + 1;
+    }
+  }
+
+  /// The best `count` of those that hang differently.
+  std::vector<Points> best(std::size_t count) const {
+    std::vector<const Settled*> chosen;
+    for (const Settled& s : found_) {
+      if (chosen.size() == count) break;
+      const bool known = std::ranges::any_of(
+          chosen, [&](const Settled* k) { return mean_distance(k->shape, s.shape) < kOther; });
+      if (!known) chosen.push_back(&s);
+    }
+    std::vector<Points> starts;
+    for (const Settled* s : chosen) starts.push_back(s->start);
+    return starts;
+  }
+
+ private:
+  void add(const std::vector<Points>& from) {
+    std::vector<RefinedSurface> surfaces =
+        refine_surfaces(frame_.points, frame_.silhouette, trial_.capture.rig, trial_.scene, fabric_,
+                        from, threads_);
+    std::vector<Settled> settled(surfaces.size());
+    parallel_for(settled.size(), threads_,
+                 [&](std::size_t i) { settled[i] = settle(std::move(surfaces[i].x)); });
+    for (Settled& s : settled)
+      if (std::isfinite(s.error)) found_.push_back(std::move(s));
+    keep_distinct();
+  }
+
+  Settled settle(Points start) const {
+    Settled result;
+    Scene scene = trial_.scene;
+    scene.start = start;
+    Trajectory there;
+    result.error = evaluate_scene(trial_, std::move(scene), fabric_, 1, &there, 1).error;
+    if (std::isfinite(result.error)) result.shape = std::move(there.frames.front());
+    result.start = std::move(start);
+    return result;
+  }
+
+  void keep_distinct() {
+    std::ranges::stable_sort(found_, {}, &Settled::error);
+    std::vector<Settled> kept;
+    for (Settled& s : found_) {
+      const auto same = std::ranges::find_if(
+          kept, [&](const Settled& k) { return mean_distance(k.shape, s.shape) < kSame; });
+      if (same == kept.end())
+        kept.push_back(std::move(s));
+      else
+        same->gone_out_from |= s.gone_out_from;
+    }
+    found_ = std::move(kept);
+  }
+
+  const Trial& trial_;
+  const Fabric& fabric_;
+  FirstFrame frame_;
+  int threads_;
+  std::vector<Settled> found_;
+};
 
 /// Of the first compared frames.
-std::vector<double> errors_of(const Trial& trial, const std::vector<RefinedSurface>& starts,
+std::vector<double> errors_of(const Trial& trial, const std::vector<Points>& starts,
                               const Fabric& fabric, int frame_count, int threads) {
   std::vector<double> errors(starts.size());
   parallel_for(errors.size(), threads, [&](std::size_t i) {
     Scene scene = trial.scene;
-    scene.start = starts[i].x;
+    scene.start = starts[i];
     errors[i] = evaluate_scene(trial, std::move(scene), fabric, frame_count, nullptr, 1).error;
   });
   return errors;
-}
-
-/// Of those after the first, the `count` with the smallest errors.
-void keep_best(std::vector<RefinedSurface>& starts, const std::vector<double>& errors,
-               std::size_t count) {
-  std::vector<std::size_t> order(starts.size() - 1);
-  std::iota(order.begin(), order.end(), std::size_t{1});
-  std::ranges::stable_sort(order, {}, [&](std::size_t i) { return errors[i]; });
-  if (order.size() > count) order.resize(count);
-  std::vector<RefinedSurface> kept{std::move(starts.front())};
-  for (const std::size_t i : order) kept.push_back(std::move(starts[i]));
-  starts = std::move(kept);
 }
 
 }  // namespace
@@ -56,21 +135,22 @@ void keep_best(std::vector<RefinedSurface>& starts, const std::vector<double>& e
 std::shared_ptr<const Trial> with_start_for(std::shared_ptr<const Trial> trial,
                                             const Fabric& fabric, int frame_count, int threads) {
   if (trial->other_starts.empty()) return trial;
-  std::vector<RefinedSurface> starts = refined_starts(*trial, fabric, threads);
-  if (starts.size() > kSettled) starts.resize(kSettled);
-  starts.insert(starts.begin(), {trial->scene.start});
-  std::vector<double> errors = errors_of(*trial, starts, fabric, 1, threads);
+  std::vector<Points> starts{trial->scene.start};
+  starts.insert(starts.end(), trial->other_starts.begin(), trial->other_starts.end());
+  StartSearch search(*trial, fabric, threads);
+  search.begin(starts);
+  search.go_on();
+  starts = search.best(kMoved);
+  starts.insert(starts.begin(), trial->scene.start);
   const int fit_frames = std::min(trial->capture.fit_last - trial->first_frame + 1,
                                   frame_count == 0 ? trial->frame_count() : frame_count);
-  if (fit_frames > 1) {
-    keep_best(starts, errors, kMoved);
-    errors = errors_of(*trial, starts, fabric, fit_frames, threads);
-  }
+  const std::vector<double> errors =
+      errors_of(*trial, starts, fabric, std::max(fit_frames, 1), threads);
   const auto best = static_cast<std::size_t>(std::ranges::min_element(errors) - errors.begin());
   if (!(errors[best] < kLowered * errors.front())) return trial;
   auto changed = std::make_shared<Trial>(*trial);
   changed->other_starts.push_back(std::move(changed->scene.start));
-  changed->scene.start = std::move(starts[best].x);
+  changed->scene.start = std::move(starts[best]);
   return changed;
 }
 

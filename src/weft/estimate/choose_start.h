@@ -9,10 +9,12 @@ namespace weft {
 /// The trial with the start that suits the fabric. What the camera does not see of the first frame
 /// (where a rim hangs behind the cloth, or how a fold goes on inside) leaves several surfaces, of
 /// which prepare_trial() keeps those that a generic sheet likes: Trial::other_starts. Each of them
-/// is refined with this fabric in place of the generic one (refine_surfaces) and settled; those
-/// three that then look most like the first compared frame are moved, and the one of the smallest
-/// error over the first `frame_count` compared frames (0: all) is taken, never beyond the capture's
-/// fit frames. The trial's own start stays where that does not lower its error by a tenth.
+/// is refined with this fabric in place of the generic one (refine_surfaces) and settled. From the
+/// settled shape that looks most like the first compared frame ways out are tried again, then from
+/// the next best, until two in turn lower the error of that frame by less than 3 %. The best three
+/// that hang differently are moved, and the one of the smallest error over the first `frame_count`
+/// compared frames (0: all) is taken, never beyond the capture's fit frames. The trial's own start
+/// stays where that does not lower its error by a tenth.
 ///
 /// Returns `trial` itself where there is nothing to choose from or nothing better was found. Reads
 /// the video's first frame. Pure, whatever `threads` (0: all cores).

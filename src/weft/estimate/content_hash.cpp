@@ -13,7 +13,7 @@ namespace {
 
 /// To be raised when the same trial and fabric give another error than before, or features are made
 /// in another way: stored evaluations and cached features of older programs are then not used.
-constexpr int kEvaluationVersion = 6;
+constexpr int kEvaluationVersion = 7;
 /// The same of mechanical captures.
 constexpr int kMechanicalVersion = 2;
 

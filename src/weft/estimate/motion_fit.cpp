@@ -369,10 +369,44 @@ struct MotionProblem::Frames {
   long inexact = 0;
 };
 
-MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const {
-  const int n = dimension();
+/// `slopes`: of the values by their scaled coordinates. Columns of the scene's numbers stay zero.
+MotionProblem::Frames MotionProblem::differentiate(std::size_t trial, const VecX& scaled,
+                                                   const VecX& slopes, int threads) const {
+  const MotionTracks& tracks = trials_[trial].tracks;
+  const SimulationOptions& simulation = trials_[trial].simulation;
+  const MotionExperiment e = experiment(trial, scaled);
   const Fabric fabric = this->fabric(scaled);
   const double delay = this->delay(scaled);
+  TrajectoryWithSensitivities motion;
+  if (indices_.empty()) {
+    motion.trajectory = weft::simulate(e.scene, e.air, fabric, simulation);
+  } else {
+    motion = simulate_with_sensitivities(e.scene, e.air, fabric, indices_, simulation, threads);
+  }
+  Frames out;
+  out.diverged = motion.trajectory.diverged;
+  out.inexact = motion.sensitivities.inexact;
+  if (out.diverged) return out;
+  const MotionSampler sampler(e.scene.mesh, tracks.uv);
+  for (const double time : tracks.times) {
+    const HermiteWeights w = hermite(e.scene.frame_times, time - delay);
+    out.position.push_back(sampler.positions(motion.trajectory, w));
+    MatX jacobian = MatX::Zero(3 * tracks.uv.cols(), dimension());
+    const Eigen::Index own = row(indices_.size());
+    if (own > 0)
+      jacobian.leftCols(own) = sampler.derivatives(motion.sensitivities, w).leftCols(own) *
+                               slopes.head(own).asDiagonal();
+    if (unknowns_.delay) {
+      const Points v = sampler.velocities(motion.trajectory, w);
+      jacobian.col(own) = -slopes[own] * flat(v);
+    }
+    out.jacobian.push_back(std::move(jacobian));
+  }
+  return out;
+}
+
+MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const {
+  const int n = dimension();
   const std::size_t scene_first = infos_.size() - unknowns_.scene.size();
   VecX slopes(n);
   for (Eigen::Index i = 0; i < n; ++i) slopes[i] = scaled_slope(infos_[at(i)], scaled[i]);
@@ -383,39 +417,12 @@ MotionProblem::Linearization MotionProblem::linearize(const VecX& scaled) const 
   const int task_threads = threads_each(tasks, threads_);
 
   std::vector<Frames> frames(trials_.size());
-  const auto differentiate = [&](std::size_t t) {
-    const MotionTracks& tracks = trials_[t].tracks;
-    const MotionExperiment e = experiment(t, scaled);
-    Frames& out = frames[t];
-    TrajectoryWithSensitivities motion;
-    if (indices_.empty()) {
-      motion.trajectory = weft::simulate(e.scene, e.air, fabric, trials_[t].simulation);
-    } else {
-      motion = simulate_with_sensitivities(e.scene, e.air, fabric, indices_, trials_[t].simulation,
-                                           task_threads);
-    }
-    out.diverged = motion.trajectory.diverged;
-    out.inexact = motion.sensitivities.inexact;
-    if (out.diverged) return;
-    const MotionSampler sampler(e.scene.mesh, tracks.uv);
-    for (const double time : tracks.times) {
-      const HermiteWeights w = hermite(e.scene.frame_times, time - delay);
-      out.position.push_back(sampler.positions(motion.trajectory, w));
-      MatX jacobian = MatX::Zero(3 * tracks.uv.cols(), n);
-      const Eigen::Index own = row(indices_.size());
-      if (own > 0)
-        jacobian.leftCols(own) = sampler.derivatives(motion.sensitivities, w).leftCols(own) *
-                                 slopes.head(own).asDiagonal();
-      if (unknowns_.delay) {
-        const Points v = sampler.velocities(motion.trajectory, w);
-        jacobian.col(own) = -slopes[own] * flat(v);
-      }
-      out.jacobian.push_back(std::move(jacobian));
-    }
-  };
   std::vector<std::vector<MotionFrames>> ahead(others), behind(others);
   parallel_for(tasks, threads_, [&](std::size_t task) {
-    if (task < trials_.size()) return differentiate(task);
+    if (task < trials_.size()) {
+      frames[task] = differentiate(task, scaled, slopes, task_threads);
+      return;
+    }
     const std::size_t i = (task - trials_.size()) / 2;
     const bool forward = (task - trials_.size()) % 2 == 0;
     VecX moved = scaled;

@@ -146,6 +146,8 @@ class MotionProblem {
  private:
   struct Frames;
   MotionExperiment experiment(std::size_t trial, const VecX& scaled) const;
+  Frames differentiate(std::size_t trial, const VecX& scaled, const VecX& slopes,
+                       int threads) const;
   double add_frame(std::size_t trial, std::size_t frame, const Points& x, const MatX* jacobian,
                    CostPart* part) const;
   double prior_cost(const VecX& scaled) const;

@@ -711,127 +711,155 @@ void draw_cell_value(Svg& svg, const std::string& value, double x, double y, dou
            value);
 }
 
-}  // namespace
-
-std::string to_svg(const HeatMap& map, std::string_view id, double margin) {
-  check_map(map);
-  const auto x_edges = cell_edges(map.x, map.x_axis.logarithmic);
-  const auto y_edges = cell_edges(map.y, map.y_axis.logarithmic);
-  Scale x = cell_scale(map.x_axis, x_edges);
-  Scale y = cell_scale(map.y_axis, y_edges);
+/// Where a heat map's cells, axes and colours lie.
+struct MapLayout {
+  std::vector<double> x_edges, y_edges;
   PlotAxis colour_axis;
-  colour_axis.logarithmic = map.logarithmic;
-  colour_axis.lower = map.lower;
-  colour_axis.upper = map.upper;
-  const std::vector<double> values(map.values.data(), map.values.data() + map.values.size());
-  Scale colour = make_scale(colour_axis, values, 0);
-
-  std::vector<std::string> labels;
-  for (const HeatMap::Marker& marker : map.markers) labels.push_back(marker.label);
-  const bool gaps = std::ranges::any_of(values, [](double v) { return !std::isfinite(v); });
-  if (gaps) labels.push_back(map.gap);
-  double legend_height = 0;
-  const double legend_top = title_height(map.title);
-  const auto legend = lay_out_legend(labels, map.width, legend_top, legend_height);
-
+  Scale x, y, colour;
   Frame frame;
-  frame.top = legend_top + legend_height + kLabelSize + 12;
-  const double slant = slant_height(map.x_axis, map.width - 160);
-  frame.bottom = std::max(frame.top + 60, map.height - slant - kTickSize - kLabelSize - 16.0);
-  set_ticks(y, map.y_axis, frame.bottom - frame.top, 36);
-  set_ticks(colour, colour_axis, frame.bottom - frame.top, 60);
-  frame.left = std::max(24.0, widest(y.ticks.labels) + 8);
-  frame.right =
-      std::max(frame.left + 60, map.width - 18 - 14 - 7 - widest(colour.ticks.labels) - 4);
-  set_ticks(x, map.x_axis, frame.right - frame.left, 60);
-  x.from = frame.left, x.to = frame.right;
-  y.from = frame.bottom, y.to = frame.top;
-  // A table of categories reads from the top.
-  if (!map.y_axis.categories.empty()) std::swap(y.from, y.to);
-  colour.from = frame.bottom, colour.to = frame.top;
+  double slant = 0;  ///< height of slanting labels below
 
-  Svg svg;
-  svg.raw("<defs>" + hatch(id) + clip(id, frame) + "</defs>\n");
-  draw_title(svg, map.title);
+  double left(Eigen::Index column) const { return x.pixel(x_edges[std::size_t(column)]); }
+  double right(Eigen::Index column) const { return x.pixel(x_edges[std::size_t(column) + 1]); }
+  double top(Eigen::Index row) const { return std::min(edge(row), edge(row + 1)); }
+  double height(Eigen::Index row) const { return std::abs(edge(row + 1) - edge(row)); }
+
+ private:
+  double edge(Eigen::Index row) const { return y.pixel(y_edges[std::size_t(row)]); }
+};
+
+MapLayout lay_out(const HeatMap& map, double top) {
+  MapLayout out;
+  out.x_edges = cell_edges(map.x, map.x_axis.logarithmic);
+  out.y_edges = cell_edges(map.y, map.y_axis.logarithmic);
+  out.x = cell_scale(map.x_axis, out.x_edges);
+  out.y = cell_scale(map.y_axis, out.y_edges);
+  out.colour_axis.logarithmic = map.logarithmic;
+  out.colour_axis.lower = map.lower;
+  out.colour_axis.upper = map.upper;
+  out.colour =
+      make_scale(out.colour_axis, {map.values.data(), map.values.data() + map.values.size()}, 0);
+  out.slant = slant_height(map.x_axis, map.width - 160);
+  Frame& frame = out.frame;
+  frame.top = top;
+  frame.bottom = std::max(top + 60, map.height - out.slant - kTickSize - kLabelSize - 16.0);
+  set_ticks(out.y, map.y_axis, frame.bottom - frame.top, 36);
+  set_ticks(out.colour, out.colour_axis, frame.bottom - frame.top, 60);
+  frame.left = std::max(24.0, widest(out.y.ticks.labels) + 8);
+  frame.right =
+      std::max(frame.left + 60, map.width - 18 - 14 - 7 - widest(out.colour.ticks.labels) - 4);
+  set_ticks(out.x, map.x_axis, frame.right - frame.left, 60);
+  out.x.from = frame.left, out.x.to = frame.right;
+  out.y.from = frame.bottom, out.y.to = frame.top;
+  // A table of categories reads from the top.
+  if (!map.y_axis.categories.empty()) std::swap(out.y.from, out.y.to);
+  out.colour.from = frame.bottom, out.colour.to = frame.top;
+  return out;
+}
+
+void draw_cells(Svg& svg, const HeatMap& map, const MapLayout& layout, std::string_view id) {
   svg.open("class=\"cells\" shape-rendering=\"crispEdges\"");
-  const bool tooltips = values.size() <= kTooltipCells;
+  const bool tooltips = static_cast<std::size_t>(map.values.size()) <= kTooltipCells;
   for (Eigen::Index i = 0; i < map.values.rows(); ++i) {
     for (Eigen::Index j = 0; j < map.values.cols(); ++j) {
-      const auto row = static_cast<std::size_t>(i), column = static_cast<std::size_t>(j);
-      const double left = x.pixel(x_edges[column]), right = x.pixel(x_edges[column + 1]);
-      const double a = y.pixel(y_edges[row]), b = y.pixel(y_edges[row + 1]);
       const double value = map.values(i, j);
-      const std::string ink = drawable(colour_axis, value)
-                                  ? hex(colour_at(ColourMap::viridis, colour.fraction(value)))
-                                  : fmt::format("url(#{}-hatch)", escape_xml(id));
-      svg.rect(left, std::min(a, b), right - left, std::abs(b - a),
+      const std::string ink =
+          drawable(layout.colour_axis, value)
+              ? hex(colour_at(ColourMap::viridis, layout.colour.fraction(value)))
+              : fmt::format("url(#{}-hatch)", escape_xml(id));
+      svg.rect(layout.left(j), layout.top(i), layout.right(j) - layout.left(j), layout.height(i),
                fmt::format("class=\"cell\" fill=\"{}\"", ink),
                tooltips
-                   ? fmt::format("{}, {}: {}", coordinate_text(map.x_axis, map.x[column]),
-                                 coordinate_text(map.y_axis, map.y[row]), format_value(value, 4))
+                   ? fmt::format("{}, {}: {}", coordinate_text(map.x_axis, map.x[std::size_t(j)]),
+                                 coordinate_text(map.y_axis, map.y[std::size_t(i)]),
+                                 format_value(value, 4))
                    : "");
     }
   }
   svg.close();
-  for (Eigen::Index i = 0; i < map.values.rows(); ++i) {
-    const auto row = static_cast<std::size_t>(i);
-    const double a = y.pixel(y_edges[row]), b = y.pixel(y_edges[row + 1]);
-    const Eigen::Index best = map.outline_row_minimum ? smallest_finite(map, i) : -1;
-    if (best >= 0) {
-      const double left = x.pixel(x_edges[static_cast<std::size_t>(best)]);
-      const double right = x.pixel(x_edges[static_cast<std::size_t>(best) + 1]);
-      const double top = std::min(a, b) + 3, height = std::abs(b - a) - 6;
-      // Two strokes: one of them stands out on any ground.
-      for (const auto& [ink, width] : {std::pair{"#16191d", 5.0}, std::pair{"#ffffff", 2.4}}) {
-        svg.rect(
-            left + 3, top, right - left - 6, height,
-            fmt::format("class=\"row-minimum\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\"",
-                        ink, px(width)));
-      }
-    }
-    if (!map.print_values) continue;
-    for (Eigen::Index j = 0; j < map.values.cols(); ++j) {
-      const auto column = static_cast<std::size_t>(j);
-      const double value = map.values(i, j);
-      if (std::isnan(value)) continue;
-      const bool hatched = !drawable(colour_axis, value);
-      draw_cell_value(svg, format_value(value, map.digits),
-                      (x.pixel(x_edges[column]) + x.pixel(x_edges[column + 1])) / 2, (a + b) / 2,
-                      hatched ? 1 : colour.fraction(value), hatched);
+}
+
+void outline_row_minimum(Svg& svg, const HeatMap& map, const MapLayout& layout, Eigen::Index row) {
+  const Eigen::Index best = smallest_finite(map, row);
+  if (best < 0) return;
+  // Two strokes: one of them stands out on any ground.
+  for (const auto& [ink, width] : {std::pair{"#16191d", 5.0}, std::pair{"#ffffff", 2.4}}) {
+    svg.rect(layout.left(best) + 3, layout.top(row) + 3, layout.right(best) - layout.left(best) - 6,
+             layout.height(row) - 6,
+             fmt::format("class=\"row-minimum\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\"",
+                         ink, px(width)));
+  }
+}
+
+void draw_row_values(Svg& svg, const HeatMap& map, const MapLayout& layout, Eigen::Index row) {
+  for (Eigen::Index j = 0; j < map.values.cols(); ++j) {
+    const double value = map.values(row, j);
+    if (std::isnan(value)) continue;
+    const bool hatched = !drawable(layout.colour_axis, value);
+    draw_cell_value(svg, format_value(value, map.digits), (layout.left(j) + layout.right(j)) / 2,
+                    layout.top(row) + layout.height(row) / 2,
+                    hatched ? 1 : layout.colour.fraction(value), hatched);
+  }
+}
+
+/// A ring or a cross, in turn.
+void draw_map_marker(Svg& svg, double x, double y, std::size_t index) {
+  for (const auto& [ink, width] : {std::pair{"#16191d", 5.0}, std::pair{"#ffffff", 2.2}}) {
+    const std::string attributes = fmt::format(
+        "class=\"marker\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\"", ink, px(width));
+    if (index % 2 == 0) {
+      svg.circle(x, y, 6.5, attributes);
+    } else {
+      svg.path(fmt::format("M{} {}l10 10m0 -10l-10 10", px(x - 5), px(y - 5)), attributes);
     }
   }
-  draw_x_axis(svg, frame, x, map.x_axis, false, slant);
-  draw_y_axis(svg, frame, y, map.y_axis, false);
-  draw_colour_bar(svg, map, frame, colour);
-  const auto draw_marker = [&](double at_x, double at_y, std::size_t index) {
-    for (const auto& [ink, width] : {std::pair{"#16191d", 5.0}, std::pair{"#ffffff", 2.2}}) {
-      const std::string attributes = fmt::format(
-          "class=\"marker\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\"", ink, px(width));
-      if (index % 2 == 0) {
-        svg.circle(at_x, at_y, 6.5, attributes);
-      } else {
-        svg.path(fmt::format("M{} {}l10 10m0 -10l-10 10", px(at_x - 5), px(at_y - 5)), attributes);
-      }
-    }
-  };
+}
+
+void draw_markers(Svg& svg, const HeatMap& map, const MapLayout& layout) {
   for (std::size_t i = 0; i < map.markers.size(); ++i) {
     const HeatMap::Marker& marker = map.markers[i];
     if (!drawable(map.x_axis, marker.x) || !drawable(map.y_axis, marker.y)) continue;
-    if (x.contains(marker.x) && y.contains(marker.y)) {
-      draw_marker(x.pixel(marker.x), y.pixel(marker.y), i);
-    }
+    if (layout.x.contains(marker.x) && layout.y.contains(marker.y))
+      draw_map_marker(svg, layout.x.pixel(marker.x), layout.y.pixel(marker.y), i);
   }
+}
+
+}  // namespace
+
+std::string to_svg(const HeatMap& map, std::string_view id, double margin) {
+  check_map(map);
+  std::vector<std::string> labels;
+  for (const HeatMap::Marker& marker : map.markers) labels.push_back(marker.label);
+  if (!map.values.array().isFinite().all()) labels.push_back(map.gap);
+  double legend_height = 0;
+  const double legend_top = title_height(map.title);
+  const auto legend = lay_out_legend(labels, map.width, legend_top, legend_height);
+  const MapLayout layout = lay_out(map, legend_top + legend_height + kLabelSize + 12);
+
+  Svg svg;
+  svg.raw("<defs>" + hatch(id) + clip(id, layout.frame) + "</defs>\n");
+  draw_title(svg, map.title);
+  draw_cells(svg, map, layout, id);
+  for (Eigen::Index i = 0; i < map.values.rows(); ++i) {
+    if (map.outline_row_minimum) outline_row_minimum(svg, map, layout, i);
+    if (map.print_values) draw_row_values(svg, map, layout, i);
+  }
+  draw_x_axis(svg, layout.frame, layout.x, map.x_axis, false, layout.slant);
+  draw_y_axis(svg, layout.frame, layout.y, map.y_axis, false);
+  draw_colour_bar(svg, map, layout.frame, layout.colour);
+  draw_markers(svg, map, layout);
   for (std::size_t i = 0; i < legend.size(); ++i) {
     const double middle = legend[i].y + kLegendRow / 2;
     if (i < map.markers.size()) {
-      draw_marker(legend[i].x + 14, middle, i);
+      draw_map_marker(svg, legend[i].x + 14, middle, i);
     } else {
       svg.rect(legend[i].x + 4, middle - 7, 20, 14,
                fmt::format("fill=\"url(#{}-hatch)\"", escape_xml(id)));
     }
     draw_legend_label(svg, legend[i]);
   }
-  return svg.document(map.width, map.height, margin, map.title, root_attributes(frame, x));
+  return svg.document(map.width, map.height, margin, map.title,
+                      root_attributes(layout.frame, layout.x));
 }
 
 }  // namespace weft
