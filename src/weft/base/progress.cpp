@@ -15,6 +15,10 @@ std::string duration_text(double seconds) {
   return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
 }
 
+double seconds_between(Clock::time_point begin, Clock::time_point end) {
+  return std::chrono::duration<double>(end - begin).count();
+}
+
 /// "3/10", or "3" where the total is not known.
 std::string count_text(std::size_t done, std::size_t total) {
   return total > 0 ? fmt::format("{}/{}", done, total) : fmt::format("{}", done);
@@ -39,9 +43,10 @@ Progress::~Progress() {
 
 void Progress::update(std::size_t done, const std::string& note) {
   done_ = done;
+  last_update_ = Clock::now();
   const auto interval = terminal_ ? options_.terminal_interval : options_.log_interval;
-  if (finished_ || Clock::now() - last_print_ < interval) return;
-  const double taken = seconds_since(start_);
+  if (finished_ || *last_update_ - last_print_ < interval) return;
+  const double taken = seconds_between(start_, *last_update_);
   std::string line =
       fmt::format("{}: {}, {}", label_, count_text(done, total_), duration_text(taken));
   if (done > 0 && done < total_) {
@@ -55,8 +60,9 @@ void Progress::update(std::size_t done, const std::string& note) {
 void Progress::finish(const std::string& note) {
   if (finished_) return;
   finished_ = true;
+  const Clock::time_point end = last_update_.value_or(Clock::now());
   std::string line = fmt::format("{}: {} in {}", label_, count_text(done_, total_),
-                                 duration_text(seconds_since(start_)));
+                                 duration_text(seconds_between(start_, end)));
   if (!note.empty()) line += ", " + note;
   print(line, true);
 }

@@ -1,6 +1,7 @@
 #pragma once
 #include <chrono>
 #include <cstdio>
+#include <optional>
 #include <string>
 
 #include "weft/base/clock.h"
@@ -28,7 +29,8 @@ class Progress {
 
   /// `done` of `total` (0: not known); `note` is appended ("error 0.0123").
   void update(std::size_t done, const std::string& note = {});
-  /// The last line, with the time taken. Called by the destructor if not before.
+  /// The last line, with the time taken until the last update: what comes between that and this
+  /// call may be of the next work. Called by the destructor if not before.
   void finish(const std::string& note = {});
 
  private:
@@ -41,6 +43,7 @@ class Progress {
   std::size_t done_ = 0;
   Clock::time_point start_;
   Clock::time_point last_print_;
+  std::optional<Clock::time_point> last_update_;
 };
 
 }  // namespace weft

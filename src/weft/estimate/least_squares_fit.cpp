@@ -31,11 +31,8 @@ struct Contender {
 };
 
 /// Stable: of equal costs the earlier one stays in front.
-void keep_best(std::vector<Contender>& candidates, int count) {
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const Contender& a, const Contender& b) { return a.cost < b.cost; });
-  if (candidates.size() > static_cast<std::size_t>(count))
-    candidates.resize(static_cast<std::size_t>(count));
+void sort_by_cost(std::vector<Contender>& candidates) {
+  std::ranges::stable_sort(candidates, {}, &Contender::cost);
 }
 
 /// One point in each of `count` layers of every coordinate.
@@ -87,9 +84,11 @@ class LeastSquaresFit {
     for (std::size_t k = 0; k < options_.stages.size() && !stopped_; ++k) {
       run_stage(options_.stages[k], candidates);
       const bool last = k + 1 == options_.stages.size();
-      const bool renewed = renew_starts(options_.stages[last ? k : k + 1], candidates);
-      // What the last two stages said, they said of other starts.
-      if (renewed && k + 2 >= options_.stages.size()) run_stage(options_.stages[k], candidates);
+      const FitStage& next = options_.stages[last ? k : k + 1];
+      keep_best(next.survivors, candidates);
+      const bool renewed = renew_starts(next, candidates);
+      // What the last stage said, it said of other starts.
+      if (renewed && last) run_stage(options_.stages[k], candidates);
     }
     conclude();
     result_.wall_s = seconds_since(begin);
@@ -203,35 +202,41 @@ class LeastSquaresFit {
       candidates[i].cost = stored.evaluation.error;
       note("screening", candidates[i], options_.screening_frames, stored.evaluation, screened);
     }
-    keep_best(candidates, static_cast<int>(candidates.size()));
+    sort_by_cost(candidates);
     return candidates;
   }
 
-  /// Gives each candidate that goes on to `next` the starts that suit its fabric over the frames
-  /// there; true if the best one's are others than before.
+  /// The last of those kept is the best one from the given starts, if no other is: which starts are
+  /// right a fit says that has adapted a fabric to each, not the first frames with one fabric.
+  void keep_best(int count, std::vector<Contender>& candidates) const {
+    sort_by_cost(candidates);
+    if (candidates.size() <= static_cast<std::size_t>(count)) return;
+    const auto end = candidates.begin() + count;
+    const auto given = std::ranges::find(candidates, problem_, &Contender::problem);
+    if (count > 1 && given != candidates.end() && given >= end) end[-1] = std::move(*given);
+    candidates.erase(end, candidates.end());
+  }
+
+  /// Gives the best candidate the starts that suit its fabric over the frames of `next`, and with
+  /// it those that had the same; true if they are others than before.
   bool renew_starts(const FitStage& next, std::vector<Contender>& candidates) {
     const auto& trials = problem_->trials();
     const bool choice =
         std::ranges::any_of(trials, [](const auto& trial) { return !trial->other_starts.empty(); });
     if (stopped_ || !choice) return false;
-    keep_best(candidates, next.survivors);
-    const std::shared_ptr<const Problem> before = candidates.front().problem;
-    const int threads = candidates.size() > 1 ? 1 : options_.threads;
-    parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
-      if (stopped_) return;
-      Contender& candidate = candidates[i];
-      auto suited = with_starts_for(candidate.problem->trials(), problem_->fabric(candidate.scaled),
-                                    next.frames, threads);
-      if (suited != candidate.problem->trials()) {
-        candidate.problem =
-            std::make_shared<Problem>(candidate.problem->with_trials(std::move(suited)));
-        renewed_ = true;
-      }
-      ProblemEvaluation known;
-      known.error = candidate.cost;
-      announce("starts", known, candidates.size());
-    });
-    return candidates.front().problem != before;
+    const Contender before = candidates.front();
+    auto suited = with_starts_for(before.problem->trials(), problem_->fabric(before.scaled),
+                                  next.frames, options_.threads);
+    ProblemEvaluation known;
+    known.error = before.cost;
+    announce("starts", known, 1);
+    if (suited == before.problem->trials()) return false;
+    const auto renewed =
+        std::make_shared<const Problem>(before.problem->with_trials(std::move(suited)));
+    for (Contender& candidate : candidates)
+      if (candidate.problem == before.problem) candidate.problem = renewed;
+    candidates.push_back(before);
+    return true;
   }
 
   LinearizationOptions linearization_of(const FitStage& stage) const {
@@ -248,15 +253,14 @@ class LeastSquaresFit {
   /// derivatives of another's motion and looks at its frames.
   void run_stage(const FitStage& stage, std::vector<Contender>& candidates) {
     const bool first = &stage == &options_.stages.front();
-    if (first) keep_best(candidates, stage.survivors);  // by the screening
+    if (first) keep_best(stage.survivors, candidates);  // by the screening
     const std::size_t descended = candidates.size();
     add_scattered(stage, candidates);
-    const bool compared = candidates.size() == 1 || (first && stage.scattered == 0 && !renewed_);
-    renewed_ = false;
+    const bool compared = candidates.size() == 1 || (first && stage.scattered == 0);
     // On all frames one alone is evaluated, too: no fit ends above where its last stage began.
     if (!compared || stage.frames == 0) compare_candidates(stage, candidates);
     keep_other_ways(descended, candidates);
-    keep_best(candidates, stage.survivors);
+    keep_best(stage.survivors, candidates);
     std::vector<Descent> descents(candidates.size());
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
       if (!stopped_) descents[i] = improve(stage, candidates[i]);
@@ -442,7 +446,6 @@ class LeastSquaresFit {
   double phase_best_ = kInfinity;
   std::size_t phase_done_ = 0, announced_ = 0;
   std::atomic<bool> stopped_ = false;
-  std::atomic<bool> renewed_ = false;  // starts, since candidates were compared
   double best_error_ = kInfinity;
   double prior_weight_ = 0;
   FitResult result_;

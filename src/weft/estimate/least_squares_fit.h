@@ -46,15 +46,16 @@ struct LeastSquaresFitOptions {
 
 /// Fits the free parameters of `problem` by least squares through the derivatives of the motion,
 /// from coarse to fine: screening on a few frames, then LevenbergMarquardt stage by stage over more
-/// frames and narrower losses. The estimate is the point
-/// with the smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all
-/// frames. FitResult::start is where the last stage started (FitResult::initial if it was stopped
-/// before); there are no variability curves. Each candidate that goes on to a stage is given the
-/// starts that suit it (with_start_for), and again after the last stage; where the best one's are
-/// others the last two stages are gone through again. FitResult::compared has the starts of the
-/// estimate. Full evaluations are added to `store`, and those that are not part of a linearization
-/// are replayed from it. Deterministic for a seed, whatever the number of threads. Throws Error for
-/// options out of range and for a problem with an evaluator of its own.
+/// frames and narrower losses. The estimate is the point with the smallest ProblemEvaluation::error
+/// (the paper's) of all that were evaluated on all frames. FitResult::start is where the last stage
+/// started (FitResult::initial if it was stopped before); there are no variability curves. Before
+/// each stage the best candidate, and those that have the same starts, are given those that suit it
+/// (with_starts_for), and again after the last, which is then gone through again. Of the candidates
+/// that go on to a stage one at least has the starts that were given, unless only one goes on.
+/// FitResult::compared has the starts of the estimate. Full evaluations are added to `store`, and
+/// those that are not part of a linearization are replayed from it. Deterministic for a seed,
+/// whatever the number of threads. Throws Error for options out of range and for a problem with an
+/// evaluator of its own.
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},
                                 EvaluationStore* store = nullptr, const FitObserver& observer = {});
 
