@@ -329,95 +329,135 @@ void check_coarse(const std::vector<std::string>& coarse, const std::vector<std:
           fmt::format("--coarse: {} is not searched; these are: {}", name, fmt::join(free, ", ")));
 }
 
-void run_fit(const FitArguments& arguments) {
-  const InterruptGuard guard;
-  const std::filesystem::path out = arguments.out;
-  const std::vector<Capture> captures = read_captures(arguments.videos);
-  const Fabric initial = initial_fabric(arguments, captures.front());
-  const std::vector<ParameterPrior> priors = priors_of(arguments.initial);
-  if (!priors.empty() && arguments.method == "annealing")
+/// What is searched, read and checked before anything is written.
+struct FitInput {
+  std::vector<Capture> captures;
+  Fabric initial;
+  std::vector<ParameterPrior> priors;
+  std::vector<std::string> free;  ///< parameters that are searched
+};
+
+FitInput read_input(const FitArguments& arguments) {
+  FitInput input;
+  input.captures = read_captures(arguments.videos);
+  input.initial = initial_fabric(arguments, input.captures.front());
+  input.priors = priors_of(arguments.initial);
+  if (!input.priors.empty() && arguments.method == "annealing")
     throw Error(
         fmt::format("{}: has priors, which --method annealing cannot weigh against the "
                     "data; use --method auto",
                     arguments.initial));
-  check_parameters("--parameters", initial.model, arguments.parameters);
-  check_parameters("--coarse", initial.model, arguments.coarse);
-  const std::vector<std::string> free =
-      arguments.parameters.empty() ? initial.value_names() : arguments.parameters;
-  check_coarse(arguments.coarse, free);
+  check_parameters("--parameters", input.initial.model, arguments.parameters);
+  check_parameters("--coarse", input.initial.model, arguments.coarse);
+  input.free = arguments.parameters.empty() ? input.initial.value_names() : arguments.parameters;
+  check_coarse(arguments.coarse, input.free);
+  return input;
+}
+
+void prepare_folder(const FitArguments& arguments) {
   std::vector<std::string> stores{kStoreName};
   if (!arguments.tests.empty()) stores.emplace_back(kMechanicalStoreName);
-  prepare_fit_folder(out, stores, arguments.overwrite ? Existing::overwrite : Existing::refuse);
-  const auto trials = arguments.trial.prepare(captures, TrialArguments::Frames::fit);
-  std::optional<MechanicalBeside> tests;
-  if (!arguments.tests.empty()) tests.emplace(tests_of(arguments), initial, free);
-  const Problem problem(trials, tests ? tests->fabric() : initial, free, {}, priors,
-                        tests ? tests->data() : OtherData{});
-  EvaluationStore store = open_store(out, problem);
+  prepare_fit_folder(arguments.out, stores,
+                     arguments.overwrite ? Existing::overwrite : Existing::refuse);
+}
+
+FitResult search(const FitArguments& arguments, const Problem& problem) {
+  EvaluationStore store = open_store(arguments.out, problem);
   PhaseProgress progress;
   const FitObserver observer = [&](const FitProgress& p) { return progress(p); };
-  const bool annealing = arguments.method == "annealing";
-  const FitResult fit = annealing
-                            ? run_fit(problem, fit_options(arguments, {}), &store, observer)
-                            : run_auto_fit(problem, auto_options(arguments), &store, observer);
-  progress.finish();
-  write_fabric(out / "fabric.toml", fit.fabric);
-  write_starts(out, fit.compared);
-  const Problem compared = problem.with_trials(fit.compared);
+  return arguments.method == "annealing"
+             ? run_fit(problem, fit_options(arguments, {}), &store, observer)
+             : run_auto_fit(problem, auto_options(arguments), &store, observer);
+}
 
+/// Of the estimate, capture by capture, over all frames.
+struct Look {
   std::vector<CaptureEvaluation> evaluations;
   std::vector<CapturePictures> pictures;
-  Sureness sure;
-  const auto look_at_captures = [&] {
-    for (std::size_t k = 0; k < captures.size(); ++k) {
-      const auto all = with_start_of(
-          *fit.compared[k],
-          arguments.trial.prepare(captures[k], TrialArguments::Frames::from_fit_to_end));
-      Trajectory trajectory;
-      evaluations.push_back(
-          evaluate_capture(*all, fit.fabric, false, arguments.trial.threads(), &trajectory));
-      pictures.push_back(pictures_of(*all, trajectory));
-    }
-  };
-  // Side by side: most of each is a simulation, which uses one core.
-  parallel_for(2, arguments.trial.threads(), [&](std::size_t i) {
-    if (i == 0)
-      look_at_captures();
-    else
-      sure = sureness_of(compared, fit, arguments.trial, mesh_error_of(arguments));
-  });
-  Report report = report_of_fit(compared, fit, evaluations);
-  const std::vector<CostPart>& frames = sure.frames;
-  if (sure.uncertainty) {
-    add_uncertainty(*sure.uncertainty, report);
-    add_mesh_remark(sure.mesh, report);
+};
+
+Look look_at_captures(const FitArguments& arguments, const std::vector<Capture>& captures,
+                      const FitResult& fit) {
+  Look look;
+  for (std::size_t k = 0; k < captures.size(); ++k) {
+    const auto all = with_start_of(
+        *fit.compared[k],
+        arguments.trial.prepare(captures[k], TrialArguments::Frames::from_fit_to_end));
+    Trajectory trajectory;
+    look.evaluations.push_back(
+        evaluate_capture(*all, fit.fabric, false, arguments.trial.threads(), &trajectory));
+    look.pictures.push_back(pictures_of(*all, trajectory));
   }
-  if (!frames.empty() && !arguments.no_variability && fit.variability.empty())
-    add_variability(compared, fit, frames, report);
-  std::vector<std::string> names;
-  for (const Capture& capture : captures) names.push_back(capture.name);
-  MechanicalBeside::Shown shown;
-  if (tests) {
-    const Uncertainty known = sure.uncertainty.value_or(Uncertainty{});
-    shown = tests->show(fit.fabric, known.parameters, known.correlation);
-  }
-  for (const ReportMechanical& test : shown.report.captures) names.push_back(test.name);
-  report.title = fmt::format("Fit of {}", fmt::join(names, ", "));
+  return look;
+}
+
+/// How it was made.
+void add_origin(const FitArguments& arguments, const Sureness& sure, Report& report) {
   report.command = command_line();
   report.created = now();
-  report.method = annealing ? "coarse search, then simulated annealing"
-                            : "least squares through the motion, then simulated annealing";
+  report.method = arguments.method == "annealing"
+                      ? "coarse search, then simulated annealing"
+                      : "least squares through the motion, then simulated annealing";
   report.threads = arguments.trial.threads() ? arguments.trial.threads() : hardware_threads();
   report.settings = settings(arguments, arguments.trial.options());
   if (sure.uncertainty)
     report.settings.emplace_back(std::string(intervals_setting),
                                  interval_contents(mesh_error_of(arguments), sure.mesh));
-  if (tests)
+  if (!arguments.tests.empty())
     report.settings.emplace_back(kMechanicalSetting,
                                  fmt::format("{}", fmt::join(arguments.tests, ", ")));
+}
+
+std::string title_of(const std::vector<Capture>& captures,
+                     const std::vector<ReportMechanical>& tests) {
+  std::vector<std::string> names;
+  for (const Capture& capture : captures) names.push_back(capture.name);
+  for (const ReportMechanical& test : tests) names.push_back(test.name);
+  return fmt::format("Fit of {}", fmt::join(names, ", "));
+}
+
+void run_fit(const FitArguments& arguments) {
+  const InterruptGuard guard;
+  const std::filesystem::path out = arguments.out;
+  const FitInput input = read_input(arguments);
+  prepare_folder(arguments);
+  const auto trials = arguments.trial.prepare(input.captures, TrialArguments::Frames::fit);
+  std::optional<MechanicalBeside> tests;
+  if (!arguments.tests.empty()) tests.emplace(tests_of(arguments), input.initial, input.free);
+  const Problem problem(trials, tests ? tests->fabric() : input.initial, input.free, {},
+                        input.priors, tests ? tests->data() : OtherData{});
+  const FitResult fit = search(arguments, problem);
+  write_fabric(out / "fabric.toml", fit.fabric);
+  write_starts(out, fit.compared);
+
+  const Problem compared = problem.with_trials(fit.compared);
+  Look look;
+  Sureness sure;
+  // Side by side: most of each is a simulation, which uses one core.
+  parallel_for(2, arguments.trial.threads(), [&](std::size_t i) {
+    if (i == 0)
+      look = look_at_captures(arguments, input.captures, fit);
+    else
+      sure = sureness_of(compared, fit, arguments.trial, mesh_error_of(arguments));
+  });
+  MechanicalBeside::Shown shown;
+  if (tests) {
+    const Uncertainty known = sure.uncertainty.value_or(Uncertainty{});
+    shown = tests->show(fit.fabric, known.parameters, known.correlation);
+  }
+
+  Report report = report_of_fit(compared, fit, look.evaluations);
+  if (sure.uncertainty) {
+    add_uncertainty(*sure.uncertainty, report);
+    add_mesh_remark(sure.mesh, report);
+  }
+  if (!sure.frames.empty() && !arguments.no_variability && fit.variability.empty())
+    add_variability(compared, fit, sure.frames, report);
+  report.title = title_of(input.captures, shown.report.captures);
+  add_origin(arguments, sure, report);
   write_text(out / "result.json", result_text(report, compared, fit, sure.mesh, shown));
-  write_report_html(out / "report.html", report, pictures, shown.report);
-  print_result(fit, report, evaluations);
+  write_report_html(out / "report.html", report, look.pictures, shown.report);
+  print_result(fit, report, look.evaluations);
   for (const std::string& line : shown.lines) fmt::print("{}", line);
   fmt::print("{}\n", (out / "report.html").string());
   if (fit.stopped) throw CLI::RuntimeError(stopped_early);
@@ -505,6 +545,76 @@ void run_by_kind(FitArguments& arguments, const CLI::App& command) {
   run_fit(arguments);
 }
 
+/// Which fabric, and what of it is searched.
+void add_fabric_options(CLI::App& command, FitArguments& arguments) {
+  command.add_option("--name", arguments.name, "of the fabric (default: the capture's)");
+  command.add_option("--model", arguments.model,
+                     "to fit where --initial names no fabric (default: baraff-witkin; of "
+                     "mechanical captures and scans stvk); `weft fabrics` lists them");
+  command.add_option("--initial", arguments.initial,
+                     "preset or fabric.toml: values that are not searched, the start with "
+                     "--start initial, and priors");
+  command.add_option("--include", arguments.include,
+                     "optional terms of the model to take in, at their defaults, such as "
+                     "drag_normal_linear; `weft fabrics` lists them");
+  command.add_option("--parameters", arguments.parameters,
+                     "parameters to search (default: all of the fabric; of mechanical captures "
+                     "alone those that act at rest)");
+}
+
+void add_search_options(CLI::App& command, FitArguments& arguments) {
+  command
+      .add_option("--method", arguments.method,
+                  "auto: least squares through the derivatives of the motion, then annealing from "
+                  "its end; annealing: a coarse search, then annealing")
+      ->check(CLI::IsMember({"auto", "annealing"}))
+      ->capture_default_str();
+  command
+      .add_option("--start", arguments.start,
+                  "where parameters start that no search places: middle (of their ranges), "
+                  "random, or initial (for mechanical captures the default)")
+      ->check(CLI::IsMember({"middle", "random", "initial"}))
+      ->capture_default_str();
+  command
+      .add_option("--coarse", arguments.coarse,
+                  "parameters of the coarse search (--method annealing); none: no coarse search")
+      ->capture_default_str();
+  command.add_option("--coarse-levels", arguments.coarse_levels, "values of each")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  command.add_option("--coarse-frames", arguments.coarse_frames, "frames compared in it")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--iterations", arguments.iterations,
+                  "evaluations of the annealing (default: 150 with auto, 600 with annealing)")
+      ->check(CLI::Range(1, 10000000));
+  command
+      .add_option("--simplex", arguments.simplex,
+                  "edge of the annealing's first simplex, of each parameter's scaled range "
+                  "(default: 0.1 with auto, 0.25 with annealing)")
+      ->check(number_in(1e-4, 1));
+  command.add_option("--seed", arguments.seed, "of everything random")
+      ->check(unsigned_integer())
+      ->capture_default_str();
+  command.add_flag("--no-variability", arguments.no_variability,
+                   "leave out the variability of the parameters");
+  command.add_flag("--variability-curves", arguments.variability_curves,
+                   "variability by perturbing each parameter, with curves, some 130 evaluations "
+                   "(always with --method annealing; else from the derivatives at the estimate)");
+}
+
+void check_together(const CLI::App& command, const FitArguments& arguments) {
+  for (const char* name : {"--coarse", "--coarse-levels", "--coarse-frames"}) {
+    if (arguments.method != "annealing" && command.count(name) > 0)
+      throw Error(fmt::format("{}: only with --method annealing", name));
+  }
+  if (arguments.no_variability && arguments.variability_curves)
+    throw Error("--no-variability and --variability-curves exclude each other");
+  if (command.count("--model") > 0 && command.count("--initial") > 0)
+    throw Error("--model: the fabric of --initial says which");
+}
+
 }  // namespace
 
 void add_fit(CLI::App& app) {
@@ -521,58 +631,8 @@ void add_fit(CLI::App& app) {
                    "folder for fabric.toml, result.json, evaluations.sqlite, report.html; a run "
                    "that was killed continues")
       ->required();
-  command->add_option("--name", arguments->name, "of the fabric (default: the capture's)");
-  command->add_option("--model", arguments->model,
-                      "to fit where --initial names no fabric (default: baraff-witkin; of "
-                      "mechanical captures and scans stvk); `weft fabrics` lists them");
-  command->add_option("--initial", arguments->initial,
-                      "preset or fabric.toml: values that are not searched, the start with "
-                      "--start initial, and priors");
-  command->add_option("--include", arguments->include,
-                      "optional terms of the model to take in, at their defaults, such as "
-                      "drag_normal_linear; `weft fabrics` lists them");
-  command->add_option("--parameters", arguments->parameters,
-                      "parameters to search (default: all of the fabric; of mechanical captures "
-                      "alone those that act at rest)");
-  command
-      ->add_option("--method", arguments->method,
-                   "auto: least squares through the derivatives of the motion, then annealing from "
-                   "its end; annealing: a coarse search, then annealing")
-      ->check(CLI::IsMember({"auto", "annealing"}))
-      ->capture_default_str();
-  command
-      ->add_option("--start", arguments->start,
-                   "where parameters start that no search places: middle (of their ranges), "
-                   "random, or initial (for mechanical captures the default)")
-      ->check(CLI::IsMember({"middle", "random", "initial"}))
-      ->capture_default_str();
-  command
-      ->add_option("--coarse", arguments->coarse,
-                   "parameters of the coarse search (--method annealing); none: no coarse search")
-      ->capture_default_str();
-  command->add_option("--coarse-levels", arguments->coarse_levels, "values of each")
-      ->check(CLI::Range(1, 100))
-      ->capture_default_str();
-  command->add_option("--coarse-frames", arguments->coarse_frames, "frames compared in it")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
-  command
-      ->add_option("--iterations", arguments->iterations,
-                   "evaluations of the annealing (default: 150 with auto, 600 with annealing)")
-      ->check(CLI::Range(1, 10000000));
-  command
-      ->add_option("--simplex", arguments->simplex,
-                   "edge of the annealing's first simplex, of each parameter's scaled range "
-                   "(default: 0.1 with auto, 0.25 with annealing)")
-      ->check(number_in(1e-4, 1));
-  command->add_option("--seed", arguments->seed, "of everything random")
-      ->check(unsigned_integer())
-      ->capture_default_str();
-  command->add_flag("--no-variability", arguments->no_variability,
-                    "leave out the variability of the parameters");
-  command->add_flag("--variability-curves", arguments->variability_curves,
-                    "variability by perturbing each parameter, with curves, some 130 evaluations "
-                    "(always with --method annealing; else from the derivatives at the estimate)");
+  add_fabric_options(*command, *arguments);
+  add_search_options(*command, *arguments);
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
   arguments->mechanical.add_to(*command);
@@ -589,14 +649,7 @@ void add_fit(CLI::App& app) {
       "  weft fit stretch_weft stretch_warp shear bend_weft bend_warp --out out/denim --model "
       "stvk-diagonal --order incremental --subdivide");
   command->callback([arguments, command] {
-    for (const char* name : {"--coarse", "--coarse-levels", "--coarse-frames"}) {
-      if (arguments->method != "annealing" && command->count(name) > 0)
-        throw Error(fmt::format("{}: only with --method annealing", name));
-    }
-    if (arguments->no_variability && arguments->variability_curves)
-      throw Error("--no-variability and --variability-curves exclude each other");
-    if (command->count("--model") > 0 && command->count("--initial") > 0)
-      throw Error("--model: the fabric of --initial says which");
+    check_together(*command, *arguments);
     run_by_kind(*arguments, *command);
   });
 }
