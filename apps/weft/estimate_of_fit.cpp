@@ -69,13 +69,23 @@ Fabric EstimateOfFit::at(const VecX& scaled) const {
   return there;
 }
 
+std::filesystem::path start_file(const std::filesystem::path& folder, std::size_t k) {
+  return folder / fmt::format("start_{}.obj", k + 1);
+}
+
 EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder) {
   EstimateOfFit e;
   e.report = read_result(folder / "result.json");
   e.fabric = read_fabric(folder / "fabric.toml");
   check_certainty(e.report, file_of(folder));
+  auto result = nlohmann::json::parse(std::ifstream(folder / "result.json"));
   if (e.report.captures.empty())
-    e.at_rest = nlohmann::json::parse(std::ifstream(folder / "result.json"));
+    e.at_rest = std::move(result);
+  else if (const auto found = result.find("problem"); found != result.end() && found->is_string())
+    e.problem = *found;
+  else
+    throw Error(
+        fmt::format("{}: \"problem\" is missing; fit again with this version", file_of(folder)));
   const ReportCertainty& certainty = *e.report.certainty;
   const double over = certainty.overdispersion.value_or(1);
   for (const std::string& name : certainty.parameters)

@@ -16,6 +16,8 @@ struct EstimateOfFit {
   Report report;
   /// Of a fit to cloth at rest the whole result.json; null of one to video.
   nlohmann::json at_rest;
+  /// Of a fit to video: of its evaluations, those of the estimate's problem have this fingerprint.
+  std::string problem;
   std::vector<ScanParameter> unknowns;  ///< that were searched; of one value each but "bend"
   VecX scaled;
   /// Fisher's, of the data, as their residuals scatter; scaled coordinates.
@@ -35,6 +37,9 @@ struct EstimateOfFit {
 /// known, one to video beside mechanical captures, and results of earlier versions that lack
 /// something.
 EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder);
+
+/// The file in a fit's folder that holds where the motion in its video k, from 0, starts.
+std::filesystem::path start_file(const std::filesystem::path& folder, std::size_t k);
 
 /// Minus the logarithm of the likelihood of a fit to cloth at rest, 0 at its estimate, by
 /// simulating its captures, which are looked for where they were; infinity where there is no

@@ -12,6 +12,7 @@
 
 #include "command_line.h"
 #include "commands.h"
+#include "estimate_of_fit.h"
 #include "fit_curves.h"
 #include "mechanical.h"
 #include "mechanical_beside.h"
@@ -279,6 +280,7 @@ std::string result_text(const Report& report, const Problem& problem, const FitR
   nlohmann::ordered_json result = nlohmann::ordered_json::parse(result_to_json(report));
   std::vector<ParameterInfo> infos;
   for (int i = 0; i < problem.dimension(); ++i) infos.push_back(problem.info(i));
+  result["problem"] = problem.fingerprint();
   result["mesh_shift"] = mesh_shift_json(infos, fit.scaled, mesh);
   if (!tests.json.is_null()) {
     result["mechanical"] = tests.json;
@@ -315,8 +317,7 @@ Sureness sureness_of(const Problem& problem, const FitResult& fit, const TrialAr
 void write_starts(const std::filesystem::path& out,
                   const std::vector<std::shared_ptr<const Trial>>& trials) {
   for (std::size_t k = 0; k < trials.size(); ++k)
-    write_obj(out / fmt::format("start_{}.obj", k + 1), trials[k]->scene.mesh,
-              trials[k]->scene.start,
+    write_obj(start_file(out, k), trials[k]->scene.mesh, trials[k]->scene.start,
               fmt::format("where settling starts in {}", trials[k]->capture.name));
 }
 

@@ -19,6 +19,7 @@ struct LandscapeArguments {
   std::string fabric;
   std::string out = "landscape.svg";
   LandscapeOptions options;
+  std::string y = options.y_parameter;
   int count = 16;
   TrialArguments trial;
 };
@@ -31,19 +32,20 @@ const ParameterInfo& info_of(const Fabric& fabric, const std::string& parameter)
 ReportSurface to_report(const Landscape& landscape, const Fabric& fabric,
                         const std::string& capture) {
   const ParameterInfo& x = info_of(fabric, landscape.x_parameter);
-  const ParameterInfo& y = info_of(fabric, landscape.y_parameter);
   ReportSurface surface;
   surface.capture = capture;
   surface.x_parameter = x.name;
   surface.x_unit = x.unit;
   surface.x_logarithmic = x.scale == Scale::logarithmic;
-  surface.y_parameter = y.name;
-  surface.y_unit = y.unit;
-  surface.y_logarithmic = y.scale == Scale::logarithmic;
   surface.x = landscape.x;
   surface.y = landscape.y;
   surface.error = landscape.error;
   surface.x_estimate = fabric.value(x.name);
+  if (landscape.y_parameter.empty()) return surface;
+  const ParameterInfo& y = info_of(fabric, landscape.y_parameter);
+  surface.y_parameter = y.name;
+  surface.y_unit = y.unit;
+  surface.y_logarithmic = y.scale == Scale::logarithmic;
   surface.y_estimate = fabric.value(y.name);
   return surface;
 }
@@ -53,7 +55,8 @@ void run_landscape(LandscapeArguments arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   require_motion_model(fabric);
   check_parameters("--x", fabric.model, {arguments.options.x_parameter});
-  check_parameters("--y", fabric.model, {arguments.options.y_parameter});
+  const bool along_x = arguments.y == "none";
+  if (!along_x) check_parameters("--y", fabric.model, {arguments.y});
   const Capture capture = read_capture(arguments.capture);
   check_output_file(arguments.out);
   const int frames = arguments.options.frame_count;
@@ -66,10 +69,17 @@ void run_landscape(LandscapeArguments arguments) {
   LandscapeOptions& options = arguments.options;
   options.x_count = options.y_count = arguments.count;
   options.threads = arguments.trial.threads();
-  const Problem problem({trial}, fabric, {options.x_parameter, options.y_parameter});
+  options.y_parameter = along_x ? "" : arguments.y;
+  std::vector<std::string> free{options.x_parameter};
+  if (!along_x) free.push_back(options.y_parameter);
+  const Problem problem({trial}, fabric, free);
   const Landscape surface =
       landscape(problem, fabric, options, nullptr, progress_observer("landscape"));
-  write_plot(arguments.out, surface_map(to_report(surface, fabric, capture.name)));
+  const ReportSurface shown = to_report(surface, fabric, capture.name);
+  if (along_x)
+    write_plot(arguments.out, surface_line(shown));
+  else
+    write_plot(arguments.out, surface_map(shown));
   end_if_stopped(surface.stopped, arguments.out + " has gaps");
   fmt::print("{}\n", arguments.out);
 }
@@ -77,14 +87,15 @@ void run_landscape(LandscapeArguments arguments) {
 }  // namespace
 
 void add_landscape(CLI::App& app) {
-  auto* command = add_command(app, "landscape", "the error over two parameters, as a picture");
+  auto* command =
+      add_command(app, "landscape", "the error over two parameters, or along one, as a picture");
   auto arguments = std::make_shared<LandscapeArguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "the other parameters: preset or fabric.toml")
       ->required();
   command->add_option("--x", arguments->options.x_parameter, "parameter along x")
       ->capture_default_str();
-  command->add_option("--y", arguments->options.y_parameter, "parameter along y")
+  command->add_option("--y", arguments->y, "parameter along y; none: the error along x alone")
       ->capture_default_str();
   command->add_option("--count", arguments->count, "values of each")
       ->check(CLI::Range(2, 1000))
@@ -96,6 +107,7 @@ void add_landscape(CLI::App& app) {
   command->add_option("--out", arguments->out, "picture (.svg); the data go next to it (.csv)")
       ->capture_default_str();
   arguments->trial.add_to(*command);
+  arguments->trial.add_start_to(*command);
   command->footer(
       "Example:\n  weft landscape data/captures/cotton_waving_A --fabric out/fabric.toml --out "
       "landscape.svg");

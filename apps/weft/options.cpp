@@ -47,9 +47,17 @@ void TrialArguments::add_to(CLI::App& command) {
 }
 
 void TrialArguments::add_start_to(CLI::App& command) {
-  command.add_option("--start-surface", start_,
-                     "surface of frame 0, .obj: one that a fit wrote, or start.obj of weft "
-                     "simulate; else the one that suits the fabric is searched for");
+  command
+      .add_option("--start-surface", starts_,
+                  "surface of frame 0, .obj: one that a fit wrote, or start.obj of weft "
+                  "simulate; else the one that suits the fabric is searched for")
+      ->expected(1);
+}
+
+void TrialArguments::add_starts_to(CLI::App& command) {
+  command.add_option("--start-surface", starts_,
+                     "surface of frame 0 of each capture, .obj, in their order: those that a fit "
+                     "wrote; else those that suit the fabric are searched for");
 }
 
 std::string TrialArguments::default_cache_folder() {
@@ -62,24 +70,43 @@ std::string TrialArguments::default_cache_folder() {
   return "none";
 }
 
+namespace {
+
+int last_of(const Capture& capture, TrialArguments::Frames frames) {
+  return frames == TrialArguments::Frames::fit ? capture.fit_last : capture.frame_count - 1;
+}
+
+}  // namespace
+
 std::shared_ptr<const Trial> TrialArguments::prepare(const Capture& capture, Frames frames) const {
-  return prepare(capture, capture.fit_first,
-                 frames == Frames::fit ? capture.fit_last : capture.frame_count - 1);
+  return prepare(capture, capture.fit_first, last_of(capture, frames));
 }
 
 std::vector<std::shared_ptr<const Trial>> TrialArguments::prepare(
     const std::vector<Capture>& captures, Frames frames) const {
+  if (!starts_.empty() && starts_.size() != captures.size())
+    throw Error(fmt::format("--start-surface: {} given, {} captures: one each, in their order",
+                            starts_.size(), captures.size()));
   std::vector<std::shared_ptr<const Trial>> trials;
-  for (const Capture& capture : captures) trials.push_back(prepare(capture, frames));
+  for (std::size_t k = 0; k < captures.size(); ++k) {
+    Capture started = captures[k];
+    if (!starts_.empty()) started.start_surface = starts_[k];
+    trials.push_back(prepare_one(started, started.fit_first, last_of(started, frames)));
+  }
   return trials;
 }
 
 std::shared_ptr<const Trial> TrialArguments::prepare(const Capture& capture, int first,
                                                      int last) const {
-  const std::filesystem::path cache = cache_ == "none" ? std::string() : cache_;
   Capture started = capture;
-  if (!start_.empty()) started.start_surface = start_;
-  auto trial = prepare_trial(started, first, last, options(), threads_, cache);
+  if (!starts_.empty()) started.start_surface = starts_.front();
+  return prepare_one(started, first, last);
+}
+
+std::shared_ptr<const Trial> TrialArguments::prepare_one(const Capture& capture, int first,
+                                                         int last) const {
+  const std::filesystem::path cache = cache_ == "none" ? std::string() : cache_;
+  auto trial = prepare_trial(capture, first, last, options(), threads_, cache);
   if (trial->start_name != "measured surface") {
     fmt::print(stderr, "{}: the motion starts from the shape \"{}\": {}\n", capture.name,
                trial->start_name, trial->start_note);

@@ -17,6 +17,8 @@ class TrialArguments {
   void add_to(CLI::App& command);
   /// For a command with one capture: where its motion starts.
   void add_start_to(CLI::App& command);
+  /// For a command with several: the same, one each or none.
+  void add_starts_to(CLI::App& command);
   /// Throws Error for values outside their ranges.
   TrialOptions options() const;
   int threads() const { return threads_; }
@@ -37,13 +39,16 @@ class TrialArguments {
                                            int last) const;
 
  private:
+  /// From the start of the capture itself.
+  std::shared_ptr<const Trial> prepare_one(const Capture& capture, int first, int last) const;
+
   int grid_ = 41;
   int steps_ = 4;
   std::string integrator_ = "bdf2";
   double alpha_ = 0.1;
   double mask_threshold_ = AngleMapOptions().mask_threshold;
   int threads_ = 0;
-  std::string start_;
+  std::vector<std::string> starts_;  // empty, or one a capture
   std::string cache_ = default_cache_folder();
   static std::string default_cache_folder();
 };

@@ -24,6 +24,7 @@ namespace {
 
 constexpr double kProbabilities[] = {0.05, 0.25, 0.5, 0.75, 0.95};
 constexpr std::size_t kMostRows = 20000;  // of posterior.csv
+constexpr double kSameError = 1e-3;       // of the error: start surfaces have nine digits
 
 struct PosteriorArguments {
   std::string fit;
@@ -56,7 +57,7 @@ LikelihoodSurrogate surrogate_of(const EstimateOfFit& e, const std::filesystem::
   std::vector<LikelihoodPoint> points;
   const std::filesystem::path store = folder / "evaluations.sqlite";
   if (e.at_rest.is_null() && std::filesystem::exists(store)) {
-    for (const StoredPoint& stored : read_evaluations(store, parameter_names(e))) {
+    for (const StoredPoint& stored : read_evaluations(store, e.problem, parameter_names(e))) {
       LikelihoodPoint point{VecX(stored.values.size()),
                             (stored.error - e.report.error) / e.dispersion};
       for (Eigen::Index i = 0; i < point.x.size(); ++i)
@@ -67,33 +68,38 @@ LikelihoodSurrogate surrogate_of(const EstimateOfFit& e, const std::filesystem::
   return {e.scaled, e.information, e.slope, points};
 }
 
-/// Simulates; evaluations go to the fit's store and are replayed from it.
+/// Simulates from where the fit did; evaluations go to the fit's store and are replayed from it.
 class TrueCost {
  public:
   TrueCost(const EstimateOfFit& e, const std::filesystem::path& folder,
            const TrialArguments& arguments)
       : e_(e), threads_(arguments.threads()) {
     std::vector<std::shared_ptr<const Trial>> trials;
-    for (const ReportCapture& capture : e.report.captures)
-      trials.push_back(
-          arguments.prepare(read_capture(capture.folder), TrialArguments::Frames::fit));
+    for (const ReportCapture& reported : e.report.captures) {
+      Capture capture = read_capture(reported.folder);
+      capture.start_surface = start_file(folder, trials.size());
+      trials.push_back(arguments.prepare(capture, TrialArguments::Frames::fit));
+    }
     problem_.emplace(trials, e.fabric, parameter_names(e));
     store_.emplace(folder / "evaluations.sqlite");
-    if (store_->count() > 0 && store_->count(*problem_) == 0)
+    least_ = error_at(e.scaled);
+    if (!(std::abs(least_ - e.report.error) <= kSameError * e.report.error))
       throw Error(
-          fmt::format("{}: its evaluations are of other options of simulating and comparing; "
-                      "give those of the fit (--grid, ...)",
-                      folder.string()));
+          fmt::format("{}: error {:.6g}, but {:.6g} with these options of simulating and "
+                      "comparing; give those of the fit (--grid, ...)",
+                      (folder / "result.json").string(), e.report.error, least_));
   }
-  double cost(const VecX& x) {
-    const StoredEvaluation found =
-        evaluate_stored(*problem_, problem_->fabric(x), 0, "posterior", &*store_, threads_);
-    return (found.evaluation.error - e_.report.error) / e_.dispersion;
-  }
+  double cost(const VecX& x) { return (error_at(x) - least_) / e_.dispersion; }
 
  private:
+  double error_at(const VecX& x) {
+    return evaluate_stored(*problem_, problem_->fabric(x), 0, "posterior", &*store_, threads_)
+        .evaluation.error;
+  }
+
   const EstimateOfFit& e_;
   int threads_;
+  double least_ = 0;  // at the estimate
   std::optional<Problem> problem_;
   std::optional<EvaluationStore> store_;
 };

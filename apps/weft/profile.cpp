@@ -239,6 +239,7 @@ void add_profile(CLI::App& app) {
       ->capture_default_str();
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
+  arguments->trial.add_starts_to(*command);
   arguments->mechanical.add_to(*command);
   add_cost_options(*command, arguments->tests);
   arguments->scan.add_to(*command);

@@ -77,6 +77,7 @@ void add_variability(CLI::App& app) {
   command->add_option("--out", arguments->out, "folder for the plots")->capture_default_str();
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
+  arguments->trial.add_starts_to(*command);
   command->footer(
       "Example:\n  weft variability data/captures/cotton_waving_A --fabric out/fabric.toml --out "
       "out/variability");

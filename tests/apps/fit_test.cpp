@@ -277,6 +277,15 @@ TEST_F(Fit, LeastSquaresIsTheDefaultAndEveryEstimateHasItsInterval) {
   EXPECT_THAT(text_of(folder_ / "out/posterior.csv"), StartsWith("stretch_stiffness,"));
   EXPECT_THAT(text_of(folder_ / "out/posterior.svg"), HasSubstr("Posterior of"));
   EXPECT_EQ(weft({"posterior", path("out")}).status, 2) << "an earlier result was replaced";
+  const auto simulated = [&](const std::string& grid) {
+    return weft({"posterior", path("out"), "--out", path("simulated"), "--overwrite", "--true-cost",
+                 "--steps", "10", "--burn-in", "0", "--grid", grid, "--steps-per-frame", "2"});
+  };
+  const Outcome sampled = simulated("9");
+  EXPECT_EQ(sampled.status, 0) << sampled.err;
+  const Outcome elsewhere = simulated("11");
+  EXPECT_EQ(elsewhere.status, 2);
+  EXPECT_THAT(elsewhere.err, HasSubstr("give those of the fit"));
   const Outcome suggest = weft({"suggest",
                                 path("out"),
                                 "--like",

@@ -300,6 +300,23 @@ TEST(Landscape, HoldsTheErrorAtEachPairOfValues) {
   EXPECT_TRUE(std::is_sorted(map.y.begin(), map.y.end()));
 }
 
+TEST(Landscape, HoldsTheErrorAlongOneParameter) {
+  const Problem problem = bowl();
+  LandscapeOptions options;
+  options.x_parameter = "shear_stiffness";
+  options.y_parameter = "";
+  options.x_count = 3;
+  const Landscape line = landscape(problem, problem.fabric(target()), options);
+  EXPECT_TRUE(line.y.empty());
+  ASSERT_EQ(line.error.rows(), 1);
+  ASSERT_EQ(line.error.cols(), 3);
+  for (int column = 0; column < 3; ++column) {
+    VecX scaled = target();
+    scaled[problem.index_of("shear_stiffness")] = column / 2.0;
+    EXPECT_NEAR(line.error(0, column), rippled_bowl(scaled, target()), 1e-9);
+  }
+}
+
 TEST(Landscape, ChangesAnOptionalTermItselfWhereOthersAreLeftOut) {
   const Problem problem =
       analytic_problem({"bend_stiffness", "drag_normal_linear"},

@@ -167,7 +167,7 @@ TEST(LikelihoodSurrogate, NoiseIsNotFollowed) {
 TEST(StoredEvaluations, ComeBackWithTheirValues) {
   const test::TemporaryFolder folder;
   const auto path = folder.path() / "evaluations.sqlite";
-  EXPECT_THROW(read_evaluations(path, {"bend_stiffness"}), Error);
+  EXPECT_THROW(read_evaluations(path, "", {"bend_stiffness"}), Error);
   const Problem problem = analytic_problem({"bend_stiffness"}, [](const VecX&) { return 0.0; });
   {
     EvaluationStore store(path);
@@ -184,11 +184,13 @@ TEST(StoredEvaluations, ComeBackWithTheirValues) {
     evaluation.diverged = true;
     store.add(problem, fabric, 0, "anneal", evaluation);
   }
-  const auto points = read_evaluations(path, {"drag_linear", "bend_stiffness"});
+  const auto points =
+      read_evaluations(path, problem.fingerprint(), {"drag_linear", "bend_stiffness"});
   ASSERT_EQ(points.size(), 2u);
   EXPECT_EQ(points[1].values[1], 3e-5);
   EXPECT_EQ(points[1].values[0], problem.initial().value("drag_linear"));
   EXPECT_EQ(points[1].error, 1e3 * 3e-5);
+  EXPECT_TRUE(read_evaluations(path, "of another start", {"bend_stiffness"}).empty());
 }
 
 }  // namespace

@@ -27,6 +27,7 @@ void check(const LandscapeOptions& options) {
                               lower, upper));
   };
   check_axis("x", options.x_count, options.x_lower, options.x_upper);
+  if (options.y_parameter.empty()) return;
   check_axis("y", options.y_count, options.y_lower, options.y_upper);
   if (options.x_parameter == options.y_parameter)
     throw Error("landscape: x and y are the same parameter");
@@ -47,16 +48,20 @@ Landscape landscape(const Problem& problem, const Fabric& fabric, const Landscap
                     const std::function<bool(std::size_t, std::size_t)>& observer) {
   check(options);
   const ParameterInfo& x_info = problem.info(free_index(problem, options.x_parameter));
-  const ParameterInfo& y_info = problem.info(free_index(problem, options.y_parameter));
   Landscape result;
   result.x_parameter = options.x_parameter;
   result.y_parameter = options.y_parameter;
   result.x = axis_values(x_info, options.x_count, options.x_lower, options.x_upper);
-  result.y = axis_values(y_info, options.y_count, options.y_lower, options.y_upper);
-  result.error = MatX::Constant(options.y_count, options.x_count, kInfinity);
   const int x_index = fabric.value_index(options.x_parameter);
-  const int y_index = fabric.value_index(options.y_parameter);
-  const std::size_t columns = result.x.size(), total = columns * result.y.size();
+  int y_index = -1;
+  if (!options.y_parameter.empty()) {
+    const ParameterInfo& y_info = problem.info(free_index(problem, options.y_parameter));
+    result.y = axis_values(y_info, options.y_count, options.y_lower, options.y_upper);
+    y_index = fabric.value_index(options.y_parameter);
+  }
+  const std::size_t rows = std::max<std::size_t>(result.y.size(), 1);
+  const std::size_t columns = result.x.size(), total = columns * rows;
+  result.error = MatX::Constant(static_cast<Eigen::Index>(rows), options.x_count, kInfinity);
   std::mutex mutex;
   std::atomic<bool> stop = false;
   std::size_t done = 0;
@@ -65,7 +70,7 @@ Landscape landscape(const Problem& problem, const Fabric& fabric, const Landscap
     const std::size_t row = i / columns, column = i % columns;
     Fabric changed = fabric;
     changed.values[x_index] = result.x[column];
-    changed.values[y_index] = result.y[row];
+    if (y_index >= 0) changed.values[y_index] = result.y[row];
     const double error =
         evaluate_stored(problem, changed, options.frame_count, "landscape", store).evaluation.error;
     const std::lock_guard lock(mutex);

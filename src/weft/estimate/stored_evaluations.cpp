@@ -10,21 +10,20 @@
 namespace weft {
 
 std::vector<StoredPoint> read_evaluations(const std::filesystem::path& path,
+                                          const std::string& fingerprint,
                                           const std::vector<std::string>& parameters) {
   const detail::Database database(path, "store of evaluations");
-  std::int64_t problems = 0;
-  database.prepare("SELECT count(DISTINCT problem) FROM evaluation")
-      .run([&](const detail::Row& row) { problems = row.integer(0); });
-  if (problems > 1)
-    throw Error(fmt::format("{}: holds evaluations of {} problems (other captures or options)",
-                            path.string(), problems));
   std::string columns;
   for (const std::string& name : parameters)
     columns += fmt::format(", json_extract(parameters, '$.{}')", name);
   std::vector<StoredPoint> points;
   const std::string sql = fmt::format(
-      "SELECT error{} FROM evaluation WHERE frame_count = 0 AND diverged = 0 ORDER BY id", columns);
-  database.prepare(sql).run([&](const detail::Row& row) {
+      "SELECT error{} FROM evaluation "
+      "WHERE problem = ?1 AND frame_count = 0 AND diverged = 0 ORDER BY id",
+      columns);
+  detail::Statement select = database.prepare(sql);
+  select.bind(1, fingerprint);
+  select.run([&](const detail::Row& row) {
     StoredPoint point{VecX(static_cast<Eigen::Index>(parameters.size())), row.number(0)};
     for (Eigen::Index i = 0; i < point.values.size(); ++i)
       point.values[i] = row.number(static_cast<int>(i) + 1);

@@ -12,10 +12,12 @@ struct StoredPoint {
   VecX values;       ///< of the parameters asked for, SI
   double error = 0;  ///< finite
 };
-/// Reads evaluations.sqlite (docs/formats.md): all evaluations over all frames that did not
-/// diverge, in the order of writing, with the values of `parameters`. Throws Error for a file that
-/// is not there, is not such a store, or holds evaluations of several problems.
+/// Reads evaluations.sqlite (docs/formats.md): all evaluations of the problem with this fingerprint
+/// over all frames that did not diverge, in the order of writing, with the values of `parameters`.
+/// A fit evaluates one problem for each start of the motion that it tries. Throws Error for a file
+/// that is not there or is not such a store.
 std::vector<StoredPoint> read_evaluations(const std::filesystem::path& path,
+                                          const std::string& fingerprint,
                                           const std::vector<std::string>& parameters);
 
 }  // namespace weft

@@ -282,6 +282,25 @@ HeatMap surface_map(const ReportSurface& surface) {
   return map;
 }
 
+LinePlot surface_line(const ReportSurface& surface) {
+  LinePlot plot;
+  plot.title = "Error along " + in_words(surface.x_parameter);
+  plot.x.label = in_words(surface.x_parameter);
+  plot.x.unit = surface.x_unit;
+  plot.x.logarithmic = surface.x_logarithmic;
+  plot.y.label = "error";
+  PlotSeries& series = add_series(plot, "", PlotSeries::Mark::line_and_points);
+  std::size_t nearest = 0;
+  const auto away = [&](std::size_t i) { return std::abs(surface.x[i] - surface.x_estimate); };
+  for (std::size_t i = 0; i < surface.x.size(); ++i) {
+    add_point(series, surface.x[i], surface.error(0, static_cast<Eigen::Index>(i)));
+    if (away(i) < away(nearest)) nearest = i;
+  }
+  if (std::isfinite(surface.x_estimate) && std::isfinite(series.y.at(nearest)))
+    plot.notes.push_back({surface.x_estimate, series.y[nearest], "estimate"});
+  return plot;
+}
+
 LinePlot matrix_plot(const ReportMatrix& matrix) {
   LinePlot plot;
   plot.title = "Error of each fabric's parameters on each capture";

@@ -31,6 +31,8 @@ BarChart variability_chart(const std::vector<ReportParameter>& parameters);
 HeatMap correlation_map(const ReportCertainty& certainty);
 /// Fig. 3.
 HeatMap surface_map(const ReportSurface& surface);
+/// The first row of errors, along x alone.
+LinePlot surface_line(const ReportSurface& surface);
 /// Fig. 14: a line per capture over the fabrics; and the same as a table, the least of each row
 /// outlined.
 LinePlot matrix_plot(const ReportMatrix& matrix);
