@@ -59,18 +59,18 @@ void print_table(const Comparison& c) {
 
 /// Error of each frame for each fabric, one picture a capture.
 void write_plots(const CompareArguments& arguments, const Comparison& c) {
-  for (const auto& trial : c.trials) {
+  for (std::size_t column = 0; column < c.trials.size(); ++column) {
+    const auto& trial = c.trials[column];
     LinePlot plot;
     plot.title = fmt::format("Error per frame of {}", trial->capture.name);
     plot.x.label = "time";
     plot.x.unit = "s";
     plot.y.label = "error per frame";
     plot.y.from_zero = true;
-    for (const Fabric& fabric : c.fabrics) {
-      const TrialEvaluation evaluation =
-          evaluate(*trial, fabric, 0, nullptr, arguments.trial.threads());
+    for (std::size_t row = 0; row < c.fabrics.size(); ++row) {
+      const TrialEvaluation& evaluation = c.cross.evaluations[row * c.trials.size() + column];
       PlotSeries series;
-      series.name = fabric.name;
+      series.name = c.fabrics[row].name;
       for (std::size_t k = 0; k < evaluation.frames.size(); ++k) {
         series.x.push_back((trial->first_frame + static_cast<double>(k)) /
                            trial->capture.frame_rate);

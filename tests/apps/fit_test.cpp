@@ -183,6 +183,31 @@ TEST_F(Fit, ProfileOfAParameterAboutAFabric) {
   EXPECT_THAT(unknown.err, HasSubstr("--parameters"));
 }
 
+TEST_F(Fit, CompareShowsTheFramesOfWhatItSumsUp) {
+  write_fabric(folder_ / "truth.toml", truth());
+  const Outcome run = weft({"compare", path("c"), "--fabrics", path("truth.toml"), "satin", "--out",
+                            path("compared"), "--keep", path("kept.toml"), "--grid", "13"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_EQ(read_fabric(folder_ / "kept.toml").name, truth().name);
+  // A row a frame and fabric: name, time, error.
+  std::istringstream csv(text_of(folder_ / "compared" / (read_capture(path("c")).name + ".csv")));
+  std::string line;
+  std::getline(csv, line);
+  double sum = 0;
+  int frames = 0;
+  while (std::getline(csv, line)) {
+    if (!line.starts_with(truth().name + ",")) continue;
+    sum += std::stod(line.substr(line.rfind(',') + 1));
+    ++frames;
+  }
+  ASSERT_GT(frames, 1);
+  std::istringstream table(run.out.substr(run.out.find("\n" + truth().name + " ") + 1));
+  std::string name;
+  double printed = 0;
+  table >> name >> printed;
+  EXPECT_NEAR(sum / frames, printed, 1e-4 * printed);  // five digits
+}
+
 TEST_F(Fit, TakesInOptionalTerms) {
   const Outcome unknown =
       weft({"fit", path("c"), "--out", path("out"), "--include", "drag_sideways"});

@@ -433,6 +433,8 @@ TEST_F(TrialTest, CrossEvaluationIsTheErrorOfEachPair) {
   EXPECT_EQ(cross.error(1, 0), evaluate(*trial_, stiff).error);
   EXPECT_EQ(cross.error(0, 1), evaluate(*first_, test_fabric()).error);
   EXPECT_LT(cross.error(0, 0), cross.error(1, 0));
+  ASSERT_EQ(cross.evaluations.size(), 4u);
+  EXPECT_EQ(cross.evaluations[2].error, cross.error(1, 0));
 }
 
 TEST_F(TrialTest, OfTwoFitsTheOneWithTheSmallerSumIsKept) {

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <limits>
 #include <mutex>
+#include <utility>
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
@@ -19,6 +20,7 @@ CrossEvaluation cross_evaluate(const std::vector<Fabric>& fabrics,
       MatX::Constant(static_cast<Eigen::Index>(fabrics.size()), static_cast<Eigen::Index>(columns),
                      std::numeric_limits<double>::quiet_NaN());
   result.error_per_mask_pixel = result.error;
+  result.evaluations.resize(total);
   std::mutex mutex;
   std::atomic<bool> stop = false;
   std::size_t done = 0;
@@ -26,12 +28,13 @@ CrossEvaluation cross_evaluate(const std::vector<Fabric>& fabrics,
     if (stop) return;
     const std::size_t row = i / columns, column = i % columns;
     const auto trial = with_start_for(trials[column], fabrics[row], 0, 1);
-    const TrialEvaluation evaluation = evaluate(*trial, fabrics[row]);
+    TrialEvaluation evaluation = evaluate(*trial, fabrics[row]);
     const std::lock_guard lock(mutex);
     const auto r = static_cast<Eigen::Index>(row), c = static_cast<Eigen::Index>(column);
     result.error(r, c) = evaluation.error;
     result.error_per_mask_pixel(r, c) = evaluation.error_per_mask_pixel;
     result.diverged += evaluation.diverged;
+    result.evaluations[i] = std::move(evaluation);
     if (observer && !observer(++done, total)) stop = true;
   });
   return result;

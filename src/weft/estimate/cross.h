@@ -8,11 +8,13 @@
 
 namespace weft {
 
-/// Every fabric simulated in every trial (Bhat 2003, figure 14).
+/// Every fabric simulated in every trial, from the start that suits it there (Bhat 2003, figure
+/// 14).
 struct CrossEvaluation {
   MatX error_per_mask_pixel;  ///< fabrics x trials; infinity where diverged
   MatX error;                 ///< per frame (equations 8 and 9), likewise
   std::size_t diverged = 0;
+  std::vector<TrialEvaluation> evaluations;  ///< row by row of the matrices
 };
 /// Fabrics and trials in any number; evaluated in parallel. `observer(done, total)` after each,
 /// from one thread at a time; false stops (what is missing is NaN).
