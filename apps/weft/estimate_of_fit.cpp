@@ -81,11 +81,8 @@ EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder) {
   auto result = nlohmann::json::parse(std::ifstream(folder / "result.json"));
   if (e.report.captures.empty())
     e.at_rest = std::move(result);
-  else if (const auto found = result.find("problem"); found != result.end() && found->is_string())
-    e.problem = *found;
   else
-    throw Error(
-        fmt::format("{}: \"problem\" is missing; fit again with this version", file_of(folder)));
+    e.problem = result.value("problem", std::string());
   const ReportCertainty& certainty = *e.report.certainty;
   const double over = certainty.overdispersion.value_or(1);
   for (const std::string& name : certainty.parameters)

@@ -16,7 +16,8 @@ struct EstimateOfFit {
   Report report;
   /// Of a fit to cloth at rest the whole result.json; null of one to video.
   nlohmann::json at_rest;
-  /// Of a fit to video: of its evaluations, those of the estimate's problem have this fingerprint.
+  /// Of a fit to video: of its evaluations, those of the estimate's problem have this fingerprint;
+  /// empty in results of earlier versions.
   std::string problem;
   std::vector<ScanParameter> unknowns;  ///< that were searched; of one value each but "bend"
   VecX scaled;

@@ -57,6 +57,9 @@ LikelihoodSurrogate surrogate_of(const EstimateOfFit& e, const std::filesystem::
   std::vector<LikelihoodPoint> points;
   const std::filesystem::path store = folder / "evaluations.sqlite";
   if (e.at_rest.is_null() && std::filesystem::exists(store)) {
+    if (e.problem.empty())
+      throw Error(fmt::format("{}: \"problem\" is missing; fit again with this version",
+                              (folder / "result.json").string()));
     for (const StoredPoint& stored : read_evaluations(store, e.problem, parameter_names(e))) {
       LikelihoodPoint point{VecX(stored.values.size()),
                             (stored.error - e.report.error) / e.dispersion};
