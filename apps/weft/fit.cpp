@@ -181,8 +181,6 @@ class PhaseProgress {
     replayed_ = progress.replayed;
     return !interrupted();
   }
-  /// Ends the last bar.
-  void finish() { bar_.reset(); }
 
  private:
   std::string phase_;

@@ -88,25 +88,23 @@ std::vector<std::shared_ptr<const Trial>> TrialArguments::prepare(
     throw Error(fmt::format("--start-surface: {} given, {} captures: one each, in their order",
                             starts_.size(), captures.size()));
   std::vector<std::shared_ptr<const Trial>> trials;
-  for (std::size_t k = 0; k < captures.size(); ++k) {
-    Capture started = captures[k];
-    if (!starts_.empty()) started.start_surface = starts_[k];
-    trials.push_back(prepare_one(started, started.fit_first, last_of(started, frames)));
-  }
+  for (std::size_t k = 0; k < captures.size(); ++k)
+    trials.push_back(
+        prepare_one(captures[k], k, captures[k].fit_first, last_of(captures[k], frames)));
   return trials;
 }
 
 std::shared_ptr<const Trial> TrialArguments::prepare(const Capture& capture, int first,
                                                      int last) const {
-  Capture started = capture;
-  if (!starts_.empty()) started.start_surface = starts_.front();
-  return prepare_one(started, first, last);
+  return prepare_one(capture, 0, first, last);
 }
 
-std::shared_ptr<const Trial> TrialArguments::prepare_one(const Capture& capture, int first,
-                                                         int last) const {
+std::shared_ptr<const Trial> TrialArguments::prepare_one(const Capture& capture, std::size_t k,
+                                                         int first, int last) const {
   const std::filesystem::path cache = cache_ == "none" ? std::string() : cache_;
-  auto trial = prepare_trial(capture, first, last, options(), threads_, cache);
+  Capture started = capture;
+  if (!starts_.empty()) started.start_surface = starts_[k];
+  auto trial = prepare_trial(started, first, last, options(), threads_, cache);
   if (trial->start_name != "measured surface") {
     fmt::print(stderr, "{}: the motion starts from the shape \"{}\": {}\n", capture.name,
                trial->start_name, trial->start_note);

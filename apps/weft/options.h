@@ -39,8 +39,9 @@ class TrialArguments {
                                            int last) const;
 
  private:
-  /// From the start of the capture itself.
-  std::shared_ptr<const Trial> prepare_one(const Capture& capture, int first, int last) const;
+  /// Of the captures given that with index k.
+  std::shared_ptr<const Trial> prepare_one(const Capture& capture, std::size_t k, int first,
+                                           int last) const;
 
   int grid_ = 41;
   int steps_ = 4;

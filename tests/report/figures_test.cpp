@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "report/sample_report.h"
 
@@ -106,6 +107,26 @@ TEST(Figures, SurfaceMarksTheEstimateWhereItIsKnown) {
   surface.y_estimate = 0.5;
   EXPECT_EQ(surface_map(surface).markers.size(), 1u);
   EXPECT_NO_THROW(to_svg(surface_map(surface)));
+}
+
+TEST(Figures, SurfaceLineIsTheFirstRowWithTheEstimateOnIt) {
+  ReportSurface surface;
+  surface.x_parameter = "stretch_stiffness";
+  surface.x_unit = "N/m";
+  surface.x_logarithmic = true;
+  surface.x = {50, 100, 200};
+  surface.error = MatX(1, 3);
+  surface.error << 3, 1, 2;
+  surface.x_estimate = 110;
+  LinePlot line = surface_line(surface);
+  EXPECT_TRUE(line.x.logarithmic);
+  ASSERT_EQ(line.series.size(), 1u);
+  EXPECT_THAT(line.series[0].y, ElementsAre(3, 1, 2));
+  ASSERT_EQ(line.notes.size(), 1u);
+  EXPECT_EQ(line.notes[0].y, 1);
+  EXPECT_NO_THROW(to_svg(line));
+  surface.x_estimate = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(surface_line(surface).notes.empty());
 }
 
 TEST(Figures, OrderIsTheSlopeOfThePowerLaw) {

@@ -15,10 +15,6 @@ std::string duration_text(double seconds) {
   return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
 }
 
-double seconds_between(Clock::time_point begin, Clock::time_point end) {
-  return std::chrono::duration<double>(end - begin).count();
-}
-
 /// "3/10", or "3" where the total is not known.
 std::string count_text(std::size_t done, std::size_t total) {
   return total > 0 ? fmt::format("{}/{}", done, total) : fmt::format("{}", done);

@@ -4,7 +4,6 @@
 
 #include <cmath>
 
-#include "weft/base/error.h"
 #include "weft/estimate/sqlite_file.h"
 
 namespace weft {

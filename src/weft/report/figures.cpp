@@ -261,16 +261,24 @@ BarChart variability_chart(const std::vector<ReportParameter>& parameters) {
   return chart;
 }
 
+namespace {
+
+PlotAxis parameter_axis(const std::string& name, const std::string& unit, bool logarithmic) {
+  PlotAxis axis;
+  axis.label = in_words(name);
+  axis.unit = unit;
+  axis.logarithmic = logarithmic;
+  return axis;
+}
+
+}  // namespace
+
 HeatMap surface_map(const ReportSurface& surface) {
   HeatMap map;
   map.title =
       "Error over " + in_words(surface.x_parameter) + " and " + in_words(surface.y_parameter);
-  map.x_axis.label = in_words(surface.x_parameter);
-  map.x_axis.unit = surface.x_unit;
-  map.x_axis.logarithmic = surface.x_logarithmic;
-  map.y_axis.label = in_words(surface.y_parameter);
-  map.y_axis.unit = surface.y_unit;
-  map.y_axis.logarithmic = surface.y_logarithmic;
+  map.x_axis = parameter_axis(surface.x_parameter, surface.x_unit, surface.x_logarithmic);
+  map.y_axis = parameter_axis(surface.y_parameter, surface.y_unit, surface.y_logarithmic);
   map.x = surface.x;
   map.y = surface.y;
   map.values = surface.error;
@@ -285,9 +293,7 @@ HeatMap surface_map(const ReportSurface& surface) {
 LinePlot surface_line(const ReportSurface& surface) {
   LinePlot plot;
   plot.title = "Error along " + in_words(surface.x_parameter);
-  plot.x.label = in_words(surface.x_parameter);
-  plot.x.unit = surface.x_unit;
-  plot.x.logarithmic = surface.x_logarithmic;
+  plot.x = parameter_axis(surface.x_parameter, surface.x_unit, surface.x_logarithmic);
   plot.y.label = "error";
   PlotSeries& series = add_series(plot, "", PlotSeries::Mark::line_and_points);
   std::size_t nearest = 0;
