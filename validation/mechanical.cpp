@@ -14,6 +14,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -152,10 +153,10 @@ void print_fit(const MechanicalFitResult& fit, const Fabric& truth, const std::s
   std::fflush(stdout);
 }
 
-std::vector<std::string> parameters(bool bend) {
+std::vector<std::string> parameters_of(const std::set<std::string>& tables) {
   std::vector<std::string> names;
   for (const Truth& row : kTruth)
-    if (bend || std::string(row.table) == "membrane") names.emplace_back(row.parameter);
+    if (tables.contains(row.table)) names.emplace_back(row.parameter);
   return names;
 }
 
@@ -166,7 +167,7 @@ void isolated_fit(const Arguments& arguments, const std::string& fabric) {
   const Fabric truth = true_fabric(trials.front()->capture);
   const std::size_t starts = std::min(arguments.starts, std::size(kStarts));
   for (const Start& start : std::span(kStarts).first(starts)) {
-    const MechanicalProblem problem(trials, truth, parameters(true));
+    const MechanicalProblem problem(trials, truth, parameters_of({"membrane", "bending"}));
     const MechanicalFitResult fit =
         fit_mechanical(problem, wrong_fabric(truth, start), with_mesh_error());
     print_fit(fit, truth,
@@ -187,7 +188,7 @@ void strip_fit(const Arguments& arguments, const std::string& fabric) {
     predicted.push_back(trial_of(arguments, fabric, test, arguments.options));
   const Fabric truth = true_fabric(fitted.front()->capture);
   // Strips in their plane do not bend.
-  const MechanicalProblem problem(fitted, truth, parameters(false));
+  const MechanicalProblem problem(fitted, truth, parameters_of({"membrane"}));
   const MechanicalFitResult fit =
       fit_mechanical(problem, wrong_fabric(truth, {"", 5, 1}), with_mesh_error());
   print_fit(fit, truth, fabric + ": fit to the strips at 0, 45 and 90 degrees from all x 5");

@@ -146,11 +146,13 @@ SceneUnknown unknown(std::string_view name, std::string_view unit, double lower,
 /// Which frames tell of the air.
 enum class AirFrom { fitted_frames, all_frames };
 
-/// Of a knot of the air and, where `lasting`, of all after it.
-SceneUnknown speed(std::string_view name, std::size_t knot, bool lasting) {
-  return unknown(name, "m/s", 0, 8, 1, [knot, lasting](double s, MotionExperiment& e) {
-    for (std::size_t k = knot; k < (lasting ? e.air.velocity.size() : knot + 1); ++k)
-      e.air.velocity[k] *= s;
+enum class Knots { one, from_one_on };
+
+/// Of a knot of the air, or of it and all after it.
+SceneUnknown speed(std::string_view name, std::size_t knot, Knots knots) {
+  return unknown(name, "m/s", 0, 8, 1, [knot, knots](double s, MotionExperiment& e) {
+    const std::size_t end = knots == Knots::one ? knot + 1 : e.air.velocity.size();
+    for (std::size_t k = knot; k < end; ++k) e.air.velocity[k] *= s;
   });
 }
 
@@ -184,11 +186,13 @@ MotionUnknowns unknowns_of(const Video& video, Material material, AirMass air_ma
                               const double g = e.scene.gravity.norm();
                               e.scene.gravity = g * (std::cos(a) * kDown - std::sin(a) * kForward);
                             }),
-                    speed("air_speed_middle", 1, false),
-                    speed("air_speed_end", 2, air_from == AirFrom::fitted_frames),
+                    speed("air_speed_middle", 1, Knots::one),
+                    speed("air_speed_end", 2,
+                          air_from == AirFrom::fitted_frames ? Knots::from_one_on : Knots::one),
                     gradient("air_gradient_u", 0, video.width),
                     gradient("air_gradient_v", 1, video.height)};
-  if (air_from == AirFrom::all_frames) unknowns.scene.push_back(speed("air_speed_last", 3, false));
+  if (air_from == AirFrom::all_frames)
+    unknowns.scene.push_back(speed("air_speed_last", 3, Knots::one));
   if (air_mass == AirMass::unknown) unknowns.scene.push_back(added_mass(kMostAddedMass));
   return unknowns;
 }

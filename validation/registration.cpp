@@ -305,7 +305,8 @@ class VideoStudy {
     Drift drift;
     ScanRegistration registration;
   };
-  std::vector<Frame> run(const std::vector<Scan>& scans, const Points& start, bool with_print) {
+  enum class Print { left_out, used };
+  std::vector<Frame> run(const std::vector<Scan>& scans, const Points& start, Print print) {
     std::vector<Frame> frames;
     Points x = start;
     for (std::size_t k = 0; k < scans.size(); ++k) {
@@ -317,7 +318,7 @@ class VideoStudy {
       frame.registration =
           register_scan(grid_, parts.used, geometry, RegistrationStart{x, {}}, {}, options);
       if (k == 0) reference_ = unwrap(frame.registration.x, 0);
-      if (with_print && k > 0) {
+      if (print == Print::used && k > 0) {
         std::size_t landmarks = 0;
         frame.registration = follow_print(
             grid_, parts.used, geometry, std::move(frame.registration), reference_,
@@ -403,9 +404,9 @@ void validate_video(const fs::path& out, const std::vector<std::string>& words) 
   projection << (*camera)[0], 0, (*camera)[2], 0, 0, (*camera)[1], (*camera)[3], 0, 0, 0, 1, 0;
   VideoStudy study(grid, read_frames(words.at(4), static_cast<int>(scans.size())),
                    Pinhole(projection, Vec3::UnitZ(), "camera"));
-  const auto clouds = study.run(scans, start, false);
+  const auto clouds = study.run(scans, start, VideoStudy::Print::left_out);
   print_frames("clouds alone", clouds);
-  const auto both = study.run(scans, start, true);
+  const auto both = study.run(scans, start, VideoStudy::Print::used);
   print_frames("clouds and print", both);
 
   write_frames(out / "held_back.svg", "held-back points to the surface, median and 95 %",

@@ -103,7 +103,10 @@ void compare_unseen(const Fabric& found, const Fabric& truth, const TriangleMesh
   }
 }
 
-void table1(const Arguments& arguments, bool noisy) {
+enum class TargetNoise { none, added };
+
+void table1(const Arguments& arguments, TargetNoise noise) {
+  const bool noisy = noise == TargetNoise::added;
   const Fabric truth = find_fabric("larionov-cotton"), start = find_fabric("larionov-initial");
   ScanSynthesis options;
   options.areal_density = kDensity;
@@ -192,8 +195,8 @@ Arguments parse(int argc, char** argv) {
 }
 
 void run(const Arguments& arguments) {
-  if (arguments.has("table1")) table1(arguments, false);
-  if (arguments.has("noise")) table1(arguments, true);
+  if (arguments.has("table1")) table1(arguments, TargetNoise::none);
+  if (arguments.has("noise")) table1(arguments, TargetNoise::added);
   if (arguments.has("descriptors")) descriptors(arguments);
   if (arguments.has("mechanical")) mechanical_scans(arguments);
   if (arguments.has("captures")) capture_scans(arguments);

@@ -159,14 +159,13 @@ VecX predicted(const Fabric& fabric, const StripTest& test) {
 }
 
 PlotSeries series(const std::string& name, const StripTest& test, const VecX& force, int colour,
-                  PlotSeries::Mark mark, bool dashed) {
+                  PlotSeries::Mark mark) {
   PlotSeries out;
   out.name = name;
   out.x = list(100 * (test.stretch.array() - 1).matrix());
   out.y = list(force);
   out.colour = colour;
   out.mark = mark;
-  out.dashed = dashed;
   return out;
 }
 
@@ -291,9 +290,10 @@ void study_textile_strips(const StudyFolders& folders) {
                published_slope(test.grain_angle));
     const int colour = static_cast<int>(i) + 1;
     plot.series.push_back(series(fmt::format("{} degrees, measured", kAngles[i]), test, test.force,
-                                 colour, PlotSeries::Mark::points, false));
-    plot.series.push_back(series("", test, stvk_out, colour, PlotSeries::Mark::line, true));
-    plot.series.push_back(series("", test, lamina_out, colour, PlotSeries::Mark::line, false));
+                                 colour, PlotSeries::Mark::points));
+    plot.series.push_back(series("", test, stvk_out, colour, PlotSeries::Mark::line));
+    plot.series.back().dashed = true;
+    plot.series.push_back(series("", test, lamina_out, colour, PlotSeries::Mark::line));
   }
   write_plot(folders.out / "textile_strips.svg", plot);
 

@@ -153,7 +153,7 @@ int run(int argc, char** argv) {
   const Fabric fabric = problem.fabric(best);
   write_fabric(argv[2], fabric);
   const auto all = prepare_trial(capture, capture.fit_first, capture.frame_count - 1, options);
-  const CaptureEvaluation e = evaluate_capture(*all, fabric, true);
+  const CaptureEvaluation e = evaluate_capture(*all, fabric, TruthDistance::included);
   fmt::print("{}: distance fit {:.2f} mm, error per frame {:.4g}", capture.name,
              1e3 * e.fit.distance->mean, e.fit.error);
   if (e.validation) {

@@ -168,7 +168,7 @@ void study_equilibria() {
 
 /// Energy of the hinges over that of a plate of rigidity b, with the vertices on a cylinder of
 /// small curvature that is bent along the direction at `angle` from u. Not at equilibrium.
-double cylinder_energy(const TriangleMesh& mesh, bool weighted, double angle) {
+double cylinder_energy(const TriangleMesh& mesh, XpbdBending bending, double angle) {
   const double curvature = 0.1;
   const Points x = place(mesh, [&](double u, double v) {
     const double along = u * std::cos(angle) + v * std::sin(angle);
@@ -183,8 +183,9 @@ double cylinder_energy(const TriangleMesh& mesh, bool weighted, double angle) {
       const Vec2 e = uv(1) - uv(0), s = uv(apex) - uv(0);
       return std::abs(e.x() * s.y() - e.y() * s.x());
     };
-    const double weight =
-        weighted ? 2 * (uv(1) - uv(0)).squaredNorm() / (twice_area(2) + twice_area(3)) : 1;
+    const double weight = bending == XpbdBending::weighted_dihedral
+                              ? 2 * (uv(1) - uv(0)).squaredNorm() / (twice_area(2) + twice_area(3))
+                              : 1;
     sum += 0.5 * weight * theta * theta;
   }
   for (int t = 0; t < mesh.triangle_count(); ++t) area += material_area(mesh, t);
@@ -218,9 +219,9 @@ void study_bending() {
     if (seed > 0) mesh = shuffled(mesh, kVertices, kVertices, 1, seed);
     fmt::print("| {} |",
                seed < 0 ? "uniform" : (seed == 0 ? "alternating" : fmt::format("random {}", seed)));
-    for (const bool weighted : {false, true}) {
+    for (const auto bending : {XpbdBending::dihedral, XpbdBending::weighted_dihedral}) {
       for (const int degrees : {0, 45, 90, 135})
-        fmt::print(" {:.2f}", cylinder_energy(mesh, weighted, degrees * M_PI / 180));
+        fmt::print(" {:.2f}", cylinder_energy(mesh, bending, degrees * M_PI / 180));
       fmt::print(" |");
     }
     fmt::print("\n");

@@ -18,6 +18,7 @@ namespace {
 
 /// Of the error at the estimate: the weights of forces are those of the shapes that it ended with.
 constexpr double kSameError = 0.05;
+constexpr std::string_view kAsTheyAre = "with its captures as they are now: fit again";
 
 std::string file_of(const std::filesystem::path& folder) {
   return (folder / "result.json").string();
@@ -73,6 +74,14 @@ std::filesystem::path start_file(const std::filesystem::path& folder, std::size_
   return folder / fmt::format("start_{}.obj", k + 1);
 }
 
+void check_error(const EstimateOfFit& e, const std::filesystem::path& folder,
+                 const ErrorAgain& again) {
+  const double then = e.report.error;
+  if (std::abs(again.error - then) <= again.tolerance * then) return;
+  throw Error(fmt::format("{}: error {:.6g}, but {:.6g} {}", file_of(folder), then, again.error,
+                          again.with));
+}
+
 EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder) {
   EstimateOfFit e;
   e.report = read_result(folder / "result.json");
@@ -118,14 +127,6 @@ std::string text_setting(const EstimateOfFit& e, const std::filesystem::path& fo
   return setting<std::string>(e, folder, name);
 }
 
-/// Of the cost that the fit ended at, and of that which its captures give now.
-void check_error(const std::filesystem::path& folder, double then, double now) {
-  if (std::abs(now - then) <= kSameError * then) return;
-  throw Error(
-      fmt::format("{}: error {:.6g}, but {:.6g} with its captures as they are now: fit again",
-                  file_of(folder), then, now));
-}
-
 std::vector<std::string> names_of(const EstimateOfFit& e) { return e.report.certainty->parameters; }
 
 MechanicalFitArguments tests_of(const EstimateOfFit& e, const std::filesystem::path& folder) {
@@ -153,7 +154,7 @@ std::function<double(const VecX&)> simulated_tests(const EstimateOfFit& e,
   problem->weigh_by(problem->force_weights(e.scaled));
   const auto shapes = std::make_shared<MechanicalShapes>("end");
   const double least = problem->cost(e.scaled, nullptr, shapes.get());
-  check_error(folder, e.report.error, least);
+  check_error(e, folder, {least, kSameError, kAsTheyAre});
   return [problem, shapes, least, dispersion = e.dispersion](const VecX& x) {
     MechanicalShapes near = *shapes;  // of the estimate: the same whatever was asked before
     return (problem->cost(x, nullptr, &near) - least) / dispersion;
@@ -184,7 +185,7 @@ std::function<double(const VecX&)> simulated_scans(const EstimateOfFit& e,
   const auto problem =
       std::make_shared<ScanProblem>(prepare_scans(arguments), arguments.solver, e.fabric,
                                     names_of(e), ScanCostOptions{}, threads);
-  check_error(folder, e.report.error, problem->cost(e.scaled));
+  check_error(e, folder, {problem->cost(e.scaled), kSameError, kAsTheyAre});
   VecX scales = problem->no_scales();
   const nlohmann::json& targets = e.at_rest["scan"]["targets"];
   for (Eigen::Index i = 0; i < scales.size(); ++i)

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <vector>
 
 #include "weft/estimate/scan_fit.h"
@@ -41,6 +42,16 @@ EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder);
 
 /// The file in a fit's folder that holds where the motion in its video k, from 0, starts.
 std::filesystem::path start_file(const std::filesystem::path& folder, std::size_t k);
+
+/// The error at the estimate of a fit, evaluated anew.
+struct ErrorAgain {
+  double error;
+  double tolerance;       ///< of the fit's error
+  std::string_view with;  ///< what may have changed, and what to do about it: the message's end
+};
+/// Throws Error unless it is that of the fit.
+void check_error(const EstimateOfFit& estimate, const std::filesystem::path& folder,
+                 const ErrorAgain& again);
 
 /// Minus the logarithm of the likelihood of a fit to cloth at rest, 0 at its estimate, by
 /// simulating its captures, which are looked for where they were; infinity where there is no

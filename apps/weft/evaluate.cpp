@@ -97,7 +97,7 @@ void run_evaluate(const EvaluateArguments& arguments) {
   const auto trial =
       arguments.trial.prepare_for(fabric, capture, TrialArguments::Frames::from_fit_to_end);
   const CaptureEvaluation evaluation =
-      evaluate_capture(*trial, fabric, capture.truth.has_value(), arguments.trial.threads());
+      evaluate_capture(*trial, fabric, TruthDistance::included, arguments.trial.threads());
   if (arguments.json) {
     fmt::print("{}\n", to_json(evaluation).dump(2));
     return;

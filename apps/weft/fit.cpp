@@ -383,8 +383,8 @@ Look look_at_captures(const FitArguments& arguments, const std::vector<Capture>&
         *fit.compared[k],
         arguments.trial.prepare(captures[k], TrialArguments::Frames::from_fit_to_end));
     Trajectory trajectory;
-    look.evaluations.push_back(
-        evaluate_capture(*all, fit.fabric, false, arguments.trial.threads(), &trajectory));
+    look.evaluations.push_back(evaluate_capture(*all, fit.fabric, TruthDistance::left_out,
+                                                arguments.trial.threads(), &trajectory));
     look.pictures.push_back(pictures_of(*all, trajectory));
   }
   return look;

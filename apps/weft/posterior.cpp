@@ -86,11 +86,10 @@ class TrueCost {
     problem_.emplace(trials, e.fabric, parameter_names(e));
     store_.emplace(folder / "evaluations.sqlite");
     least_ = error_at(e.scaled);
-    if (!(std::abs(least_ - e.report.error) <= kSameError * e.report.error))
-      throw Error(
-          fmt::format("{}: error {:.6g}, but {:.6g} with these options of simulating and "
-                      "comparing; give those of the fit (--grid, ...)",
-                      (folder / "result.json").string(), e.report.error, least_));
+    check_error(e, folder,
+                {least_, kSameError,
+                 "with these options of simulating and comparing; give those of the fit "
+                 "(--grid, ...)"});
   }
   double cost(const VecX& x) { return (error_at(x) - least_) / e_.dispersion; }
 
@@ -167,17 +166,6 @@ void write_picture(const std::filesystem::path& path, const EstimateOfFit& e, co
   write_plot(path, plot);
 }
 
-/// Minus its logarithm, 0 at the estimate.
-std::function<double(const VecX&)> likelihood_of(const EstimateOfFit& e,
-                                                 const std::filesystem::path& folder,
-                                                 const PosteriorArguments& arguments,
-                                                 const LikelihoodSurrogate& surrogate) {
-  if (!arguments.true_cost) return [&](const VecX& x) { return surrogate.cost(x); };
-  if (!e.at_rest.is_null()) return simulated_at_rest(e, folder, arguments.trial.threads());
-  const auto simulated = std::make_shared<TrueCost>(e, folder, arguments.trial);
-  return [simulated](const VecX& x) { return simulated->cost(x); };
-}
-
 std::string in_words(const EstimateOfFit& e, const LikelihoodSurrogate& surrogate) {
   std::string correction = "not corrected";
   if (surrogate.length() > 0)
@@ -189,6 +177,22 @@ std::string in_words(const EstimateOfFit& e, const LikelihoodSurrogate& surrogat
   return "surrogate: the quadratic of the Fisher information, " + correction;
 }
 
+struct Likelihood {
+  std::function<double(const VecX&)> cost;  ///< minus its logarithm, 0 at the estimate
+  std::string surrogate;                    ///< in words; empty where each sample is simulated
+};
+
+Likelihood likelihood_of(const EstimateOfFit& e, const std::filesystem::path& folder,
+                         const PosteriorArguments& arguments) {
+  if (!arguments.true_cost) {
+    const auto surrogate = std::make_shared<LikelihoodSurrogate>(surrogate_of(e, folder));
+    return {[surrogate](const VecX& x) { return surrogate->cost(x); }, in_words(e, *surrogate)};
+  }
+  if (!e.at_rest.is_null()) return {simulated_at_rest(e, folder, arguments.trial.threads()), ""};
+  const auto simulated = std::make_shared<TrueCost>(e, folder, arguments.trial);
+  return {[simulated](const VecX& x) { return simulated->cost(x); }, ""};
+}
+
 void run_posterior(const PosteriorArguments& arguments) {
   const InterruptGuard guard;
   const std::filesystem::path folder = arguments.fit;
@@ -197,11 +201,9 @@ void run_posterior(const PosteriorArguments& arguments) {
       arguments.out.empty() ? folder : std::filesystem::path(arguments.out);
   prepare_output_folder(out, {"posterior.json"},
                         arguments.overwrite ? Existing::overwrite : Existing::refuse);
-  const LikelihoodSurrogate surrogate = surrogate_of(e, folder);
-  const std::function<double(const VecX&)> likelihood =
-      likelihood_of(e, folder, arguments, surrogate);
+  const Likelihood likelihood = likelihood_of(e, folder, arguments);
   const LogDensity density = [&](const VecX& x) {
-    const double cost = likelihood(x);
+    const double cost = likelihood.cost(x);
     return std::isfinite(cost) ? -cost - e.priors.cost(x) : -kInfinity;
   };
   const auto n = e.scaled.size();
@@ -218,7 +220,7 @@ void run_posterior(const PosteriorArguments& arguments) {
                p["unit"].get<std::string>(), p["quantiles"]["0.05"].get<double>(),
                p["quantiles"]["0.5"].get<double>(), p["quantiles"]["0.95"].get<double>(),
                p["estimate"].get<double>());
-  if (!arguments.true_cost) fmt::print("{}\n", in_words(e, surrogate));
+  if (!likelihood.surrogate.empty()) fmt::print("{}\n", likelihood.surrogate);
   double least = kInfinity;
   for (Eigen::Index i = 0; i < n; ++i) least = std::min(least, found.effective(i));
   fmt::print("{} samples, worth {:.0f} independent ones or more\n", found.samples.cols(), least);

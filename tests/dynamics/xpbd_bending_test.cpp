@@ -43,7 +43,7 @@ struct Fold {
   /// Moment that opens the fold: of the elastic force on vertex 3 about the edge, downwards.
   double opening_moment(double angle) {
     cloth.system().set_positions(folded(angle));
-    cloth.system().gather(xpbd::Pass::elastic, false);
+    cloth.system().gather(xpbd::Pass::elastic, xpbd::Derivatives::none);
     const Vec3 force = cloth.system().by_mesh(cloth.system().vertices().pull).col(3);
     const Vec3 turning(-std::sin(angle), 0, std::cos(angle));
     return -force.dot(turning);  // at the distance 1

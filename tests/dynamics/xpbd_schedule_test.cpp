@@ -101,7 +101,7 @@ TEST(XpbdSystem, SweepsDoNotDependOnTheNumberOfThreads) {
       system.add<DihedralHinge>(edges, flat_hinges, ScalarLaw(sheet.bend, 4, 0.01));
       system.set_sweep(kind);
       system.set_positions(start);
-      for (int k = 0; k < 10; ++k) system.sweep(false);
+      for (int k = 0; k < 10; ++k) system.sweep(Derivatives::none);
       return system.positions();
     };
     const Points one = swept(1);

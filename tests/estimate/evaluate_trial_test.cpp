@@ -44,19 +44,20 @@ TEST(ForEachWhileMade, LeavesOutWhatWasNotMade) {
 
 TEST(ForEachWhileMade, ThrowsWhatEitherSideThrows) {
   for (const int threads : {1, 2, 4}) {
-    const auto run = [&](bool make_fails) {
+    enum class Side { make, look };
+    const auto run = [&](Side failing) {
       for_each_while_made(
           10, threads, [] { return Tool(); },
           [&](const auto& ready) {
             for (int i = 0; i < 5; ++i) ready();
-            if (make_fails) throw std::runtime_error("make");
+            if (failing == Side::make) throw std::runtime_error("make");
           },
           [&](Tool&, std::size_t i) {
-            if (!make_fails && i == 2) throw std::runtime_error("look");
+            if (failing == Side::look && i == 2) throw std::runtime_error("look");
           });
     };
-    EXPECT_THROW(run(true), std::runtime_error) << threads << " threads";
-    EXPECT_THROW(run(false), std::runtime_error) << threads << " threads";
+    EXPECT_THROW(run(Side::make), std::runtime_error) << threads << " threads";
+    EXPECT_THROW(run(Side::look), std::runtime_error) << threads << " threads";
   }
 }
 

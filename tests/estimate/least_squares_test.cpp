@@ -253,16 +253,18 @@ TEST(BoxProgram, MeetsTheOptimalityConditions) {
 }
 
 TEST(PayingSteps, EndAfterTwoSmallOnesInTurn) {
-  const auto step = [](double cost, bool accepted = true) {
-    return LeastSquaresStep{.x = {}, .cost = cost, .accepted = accepted};
+  const auto step = [](double cost) {
+    return LeastSquaresStep{.x = {}, .cost = cost, .accepted = true};
   };
+  LeastSquaresStep rejected = step(2);
+  rejected.accepted = false;
   PayingSteps steps(kInfinity, 10);
   EXPECT_TRUE(steps.pay_after(step(1)));
-  EXPECT_TRUE(steps.pay_after(step(0.9995)));    // by 0.005 of the sum of squares
-  EXPECT_TRUE(steps.pay_after(step(2, false)));  // a rejected one says nothing
-  EXPECT_TRUE(steps.pay_after(step(0.9)));       // by 1
-  EXPECT_TRUE(steps.pay_after(step(0.8995)));    // by 0.005
-  EXPECT_FALSE(steps.pay_after(step(0.8990)));   // and again
+  EXPECT_TRUE(steps.pay_after(step(0.9995)));   // by 0.005 of the sum of squares
+  EXPECT_TRUE(steps.pay_after(rejected));       // says nothing
+  EXPECT_TRUE(steps.pay_after(step(0.9)));      // by 1
+  EXPECT_TRUE(steps.pay_after(step(0.8995)));   // by 0.005
+  EXPECT_FALSE(steps.pay_after(step(0.8990)));  // and again
 }
 
 }  // namespace

@@ -347,7 +347,7 @@ TEST_F(TrialTest, ADivergedSimulationIsAnInfiniteErrorAndNoException) {
   EXPECT_FALSE(e.divergence.empty());
   EXPECT_EQ(e.error, std::numeric_limits<double>::infinity());
   EXPECT_LT(e.frames.size(), 5u);
-  const CaptureEvaluation c = evaluate_capture(*broken, test_fabric(), true);
+  const CaptureEvaluation c = evaluate_capture(*broken, test_fabric(), TruthDistance::included);
   EXPECT_TRUE(c.diverged);
   EXPECT_EQ(c.fit.error, std::numeric_limits<double>::infinity());
 }
@@ -362,7 +362,7 @@ TEST_F(TrialTest, SeveralTrialsWeighTheSame) {
 }
 
 TEST_F(TrialTest, CaptureEvaluationSplitsFitAndValidation) {
-  const CaptureEvaluation e = evaluate_capture(*trial_, test_fabric(), false);
+  const CaptureEvaluation e = evaluate_capture(*trial_, test_fabric(), TruthDistance::left_out);
   ASSERT_EQ(e.frames.size(), 5u);
   ASSERT_TRUE(e.validation);
   EXPECT_EQ(e.fit.last, 2);
@@ -373,12 +373,12 @@ TEST_F(TrialTest, CaptureEvaluationSplitsFitAndValidation) {
   EXPECT_FALSE(e.frames[0].distance);
   Trial fit_only = *trial_;
   fit_only.features.resize(3);
-  EXPECT_FALSE(evaluate_capture(fit_only, test_fabric(), false).validation);
-  EXPECT_THROW(evaluate_capture(*first_, test_fabric(), false), Error);
+  EXPECT_FALSE(evaluate_capture(fit_only, test_fabric(), TruthDistance::left_out).validation);
+  EXPECT_THROW(evaluate_capture(*first_, test_fabric(), TruthDistance::left_out), Error);
 }
 
 TEST_F(TrialTest, DistanceToTheTruthIsMeasuredOnlyWhenAskedFor) {
-  const CaptureEvaluation e = evaluate_capture(*trial_, test_fabric(), true);
+  const CaptureEvaluation e = evaluate_capture(*trial_, test_fabric(), TruthDistance::included);
   ASSERT_TRUE(e.fit.distance && e.validation->distance);
   const SurfaceDistance& fit = *e.fit.distance;
   EXPECT_GT(fit.mean, 0);

@@ -449,21 +449,22 @@ TEST(Renderer, PointsThatAreNotFiniteAreLeftOut) {
 TEST(Renderer, SupersamplingConvergesAndFilteringStartsNearer) {
   const Rig rig = small_rig();
   const Sheet sheet = tilted();
-  const auto image = [&](int samples, bool filter) {
+  enum class Stripes { sampled, filtered };
+  const auto image = [&](int samples, Stripes stripes) {
     RenderOptions options;
     options.supersampling = samples;
-    options.filter_stripes = filter;
+    options.filter_stripes = stripes == Stripes::filtered;
     return render(rig, sheet, options).intensity;
   };
-  const Image reference = image(8, false);
-  const auto error = [&](int samples, bool filter) {
+  const Image reference = image(8, Stripes::sampled);
+  const auto error = [&](int samples, Stripes stripes) {
     // Without the rim: stripes only.
-    return rms_difference(image(samples, filter).block(45, 60, 30, 40),
+    return rms_difference(image(samples, stripes).block(45, 60, 30, 40),
                           reference.block(45, 60, 30, 40));
   };
-  EXPECT_LT(error(2, false), 0.6 * error(1, false));
-  EXPECT_LT(error(4, false), 0.6 * error(2, false));
-  EXPECT_LT(error(1, true), 0.5 * error(2, false));
+  EXPECT_LT(error(2, Stripes::sampled), 0.6 * error(1, Stripes::sampled));
+  EXPECT_LT(error(4, Stripes::sampled), 0.6 * error(2, Stripes::sampled));
+  EXPECT_LT(error(1, Stripes::filtered), 0.5 * error(2, Stripes::sampled));
 }
 
 TEST(Renderer, AFrameDoesNotDependOnTheOneBefore) {

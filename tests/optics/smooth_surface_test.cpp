@@ -27,9 +27,12 @@ Points sphere_cap(const TriangleMesh& mesh) {
   return x;
 }
 
-/// Largest distance from the sphere of the facets' centres (facets) or of the patches' samples; the
+enum class SurfacePieces { facets, patches };
+
+/// Largest distance from the sphere of the facets' centres or of the patches' samples; the
 /// cells along the rim, where normals are one-sided, are left out.
-double distance_from_sphere(int side, bool facets) {
+double distance_from_sphere(int side, SurfacePieces pieces) {
+  const bool facets = pieces == SurfacePieces::facets;
   const TriangleMesh mesh = make_swatch(0.2, 0.2, side, side);
   SmoothSurface surface(mesh, facets ? 1 : 4);
   surface.evaluate(sphere_cap(mesh));
@@ -72,12 +75,13 @@ TEST(SmoothSurface, OfAFlatSheetIsFlat) {
 }
 
 TEST(SmoothSurface, IsNearerToASphereThanFacets) {
-  const double facets = distance_from_sphere(9, true), patches = distance_from_sphere(9, false);
+  const double facets = distance_from_sphere(9, SurfacePieces::facets);
+  const double patches = distance_from_sphere(9, SurfacePieces::patches);
   EXPECT_LT(patches, 0.1 * facets);
   // At half the edge facets, of second order, keep a quarter of their error, the cubic patches less
   // than an eighth.
-  EXPECT_NEAR(distance_from_sphere(17, true) / facets, 0.25, 0.05);
-  EXPECT_LT(distance_from_sphere(17, false) / patches, 0.125);
+  EXPECT_NEAR(distance_from_sphere(17, SurfacePieces::facets) / facets, 0.25, 0.05);
+  EXPECT_LT(distance_from_sphere(17, SurfacePieces::patches) / patches, 0.125);
 }
 
 TEST(SmoothSurface, HasNoCracks) {

@@ -54,12 +54,12 @@ struct Axis {
   }
 };
 
-Axis read_axis(const XmlElement& svg, bool x) {
-  const XmlElement& group = *svg.all(x ? "x-axis" : "y-axis").at(0);
+Axis read_axis(const XmlElement& svg, const std::string& letter) {
+  const XmlElement& group = *svg.all(letter + "-axis").at(0);
   const auto labels = group.all("tick-label");
   const auto lines = group.all("grid");
   EXPECT_EQ(labels.size(), lines.size());
-  const std::string at = x ? "x1" : "y1";
+  const std::string at = letter + "1";
   return {std::stod(labels.front()->text), std::stod(labels.back()->text),
           lines.front()->number(at), lines.back()->number(at)};
 }
@@ -89,7 +89,7 @@ TEST(LinePlot, DrawsPointsWhereTheAxesSayTheyAre) {
   LinePlot plot = simple_plot();
   plot.series[0].mark = PlotSeries::Mark::line_and_points;
   const XmlElement svg = XmlReader::read(to_svg(plot));
-  const Axis x = read_axis(svg, true), y = read_axis(svg, false);
+  const Axis x = read_axis(svg, "x"), y = read_axis(svg, "y");
   const auto marks = svg.all("mark");
   // One more is the key in the legend.
   ASSERT_EQ(marks.size(), 5u);
@@ -110,7 +110,7 @@ TEST(LinePlot, LogarithmicAxes) {
   plot.x.logarithmic = plot.y.logarithmic = true;
   plot.series.push_back(series_of({1, 3, 100}, {0.1, 5, 20}, PlotSeries::Mark::points));
   const XmlElement svg = XmlReader::read(to_svg(plot));
-  const Axis x = read_axis(svg, true), y = read_axis(svg, false);
+  const Axis x = read_axis(svg, "x"), y = read_axis(svg, "y");
   const auto marks = svg.all("series").at(0)->all("mark");
   ASSERT_EQ(marks.size(), 3u);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -126,7 +126,7 @@ TEST(LinePlot, AxesCarryLabelUnitAndSharedPowerOfTen) {
   const XmlElement svg = XmlReader::read(to_svg(plot));
   EXPECT_EQ(svg.all("x-axis").at(0)->all("axis-label").at(0)->text, "time (s)");
   EXPECT_EQ(svg.all("y-axis").at(0)->all("axis-label").at(0)->text, "length (10⁻⁶ N·m)");
-  const Axis y = read_axis(svg, false);
+  const Axis y = read_axis(svg, "y");
   EXPECT_GE(y.value_0, 10);
   EXPECT_LE(y.value_1, 40);
 }
@@ -148,9 +148,9 @@ TEST(LinePlot, InfinityIsMarkedAtTheUpperEdgeAndDoesNotStretchTheAxis) {
   const XmlElement svg = XmlReader::read(text);
   ASSERT_EQ(svg.all("off-scale").size(), 1u);
   const auto at = points_of(svg.all("off-scale")[0]->attributes.at("d").substr(0, 20));
-  EXPECT_NEAR(at.at(0).x, read_axis(svg, true).pixel(1), 3 * kPixel);
+  EXPECT_NEAR(at.at(0).x, read_axis(svg, "x").pixel(1), 3 * kPixel);
   EXPECT_NEAR(at.at(0).y, svg.number("data-top"), 2);
-  EXPECT_LE(read_axis(svg, false).value_1, 3.2);
+  EXPECT_LE(read_axis(svg, "y").value_1, 3.2);
   EXPECT_EQ(text.find("inf"), std::string::npos);
   EXPECT_EQ(text.find("nan"), std::string::npos);
 }
@@ -171,7 +171,7 @@ TEST(LinePlot, BandLiesBetweenItsBounds) {
   plot.series[0].lower = {1, 2, 3};
   plot.series[0].upper = {3, 5, 6};
   const XmlElement svg = XmlReader::read(to_svg(plot));
-  const Axis x = read_axis(svg, true), y = read_axis(svg, false);
+  const Axis x = read_axis(svg, "x"), y = read_axis(svg, "y");
   std::string d = svg.all("band").at(0)->attributes.at("d");
   ASSERT_EQ(d.back(), 'Z');
   d.pop_back();
@@ -189,7 +189,7 @@ TEST(LinePlot, RegionsCoverTheirPartOfTheAxis) {
   plot.regions.push_back({1.5, 99, "validation"});
   const XmlElement svg = XmlReader::read(to_svg(plot));
   const XmlElement& region = *svg.all("region").at(0);
-  EXPECT_NEAR(region.number("x"), read_axis(svg, true).pixel(1.5), 3 * kPixel);
+  EXPECT_NEAR(region.number("x"), read_axis(svg, "x").pixel(1.5), 3 * kPixel);
   EXPECT_NEAR(region.number("x") + region.number("width"), svg.number("data-right"), 3 * kPixel);
   EXPECT_EQ(svg.all("region-label").at(0)->text, "validation");
 }
@@ -199,7 +199,7 @@ TEST(LinePlot, LevelsAndNotesStandAtTheirValues) {
   plot.levels.push_back({20, "twenty"});
   plot.notes.push_back({2.5, 25, "here"});
   const XmlElement svg = XmlReader::read(to_svg(plot));
-  const Axis x = read_axis(svg, true), y = read_axis(svg, false);
+  const Axis x = read_axis(svg, "x"), y = read_axis(svg, "y");
   EXPECT_NEAR(svg.all("level").at(0)->number("y1"), y.pixel(20), 3 * kPixel);
   EXPECT_NEAR(svg.all("note-mark").at(0)->number("cx"), x.pixel(2.5), 3 * kPixel);
   EXPECT_NEAR(svg.all("note-mark").at(0)->number("cy"), y.pixel(25), 3 * kPixel);
@@ -249,9 +249,9 @@ TEST(LinePlot, LongSeriesStaySmallAndKeepTheirExtremes) {
   const XmlElement svg = XmlReader::read(text);
   const auto line = points_of(svg.all("series").at(0)->all("stroke").at(0)->attributes.at("d"));
   const auto top = std::ranges::min_element(line, {}, &Pixel::y);
-  EXPECT_NEAR(top->y, read_axis(svg, false).pixel(9), 3 * kPixel);
+  EXPECT_NEAR(top->y, read_axis(svg, "y").pixel(9), 3 * kPixel);
   // The axis reads 10^3: 123457 is 123.457.
-  EXPECT_NEAR(top->x, read_axis(svg, true).pixel(123.457), 3 * kPixel);
+  EXPECT_NEAR(top->x, read_axis(svg, "x").pixel(123.457), 3 * kPixel);
   series.mark = PlotSeries::Mark::points;
   EXPECT_LT(to_svg(plot).size(), 1500000u);
 }
@@ -315,7 +315,7 @@ TEST(BarChart, LogarithmicBarsEndAtTheirValue) {
   chart.value.logarithmic = true;
   chart.bars = {{"a", 2, "", false}, {"b", 20, "", false}, {"c", 300, "", false}};
   const XmlElement svg = XmlReader::read(to_svg(chart));
-  const Axis axis = read_axis(svg, true);
+  const Axis axis = read_axis(svg, "x");
   const auto bars = svg.all("bar");
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_NEAR(bars[i]->number("x") + bars[i]->number("width"),

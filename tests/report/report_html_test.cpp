@@ -107,6 +107,16 @@ TEST(ReportHtml, SectionsWithoutContentAreLeftOut) {
   EXPECT_FALSE(contains(report_to_html(sample_report()), "class=\"viewer\""));
 }
 
+TEST(ReportHtml, DistanceIsSaidOfTheFramesItIsOf) {
+  Report report = sample_report();
+  EXPECT_TRUE(contains(report_to_html(report), "over 2 fit frames"));
+  for (ReportFrame& frame : report.captures[0].frames)
+    if (!frame.validation) frame.distance.reset();
+  const std::string html = report_to_html(report);
+  EXPECT_FALSE(contains(html, "fit frames</div>"));
+  EXPECT_TRUE(contains(html, "validation frames</div>"));
+}
+
 TEST(ReportHtml, TextIsEscapedEverywhere) {
   const std::string evil = "<b>&\"'</script><script>alert(1)</script>";
   Report report = sample_report();

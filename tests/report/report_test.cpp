@@ -28,7 +28,7 @@ Report sound_report() {
 
 TEST(ReportMeans, FitAndValidationApart) {
   const ReportCapture capture = sample_report().captures[0];
-  const auto fit = report_means(capture, false);
+  const auto fit = report_means(capture, ReportFrame::Kind::fit);
   ASSERT_TRUE(fit.has_value());
   EXPECT_EQ(fit->frames, 2u);
   EXPECT_DOUBLE_EQ(fit->fold, 15);
@@ -38,17 +38,17 @@ TEST(ReportMeans, FitAndValidationApart) {
   EXPECT_DOUBLE_EQ(fit->distance->mean, 0.0015);
   EXPECT_DOUBLE_EQ(fit->distance->rms, std::sqrt((4e-6 + 16e-6) / 2));
   EXPECT_DOUBLE_EQ(fit->distance->max, 0.01);
-  EXPECT_DOUBLE_EQ(report_means(capture, true)->fold, 35);
+  EXPECT_DOUBLE_EQ(report_means(capture, ReportFrame::Kind::validation)->fold, 35);
 }
 
 TEST(ReportMeans, NothingWithoutFramesAndInfiniteWhereOneWasNotReached) {
   ReportCapture capture = sample_report().captures[0];
   capture.frames[3].error = infinity;
-  EXPECT_EQ(report_means(capture, true)->error, infinity);
+  EXPECT_EQ(report_means(capture, ReportFrame::Kind::validation)->error, infinity);
   capture.frames[2].distance.reset();
-  EXPECT_FALSE(report_means(capture, true)->distance.has_value());
+  EXPECT_FALSE(report_means(capture, ReportFrame::Kind::validation)->distance.has_value());
   capture.frames.resize(2);
-  EXPECT_FALSE(report_means(capture, true).has_value());
+  EXPECT_FALSE(report_means(capture, ReportFrame::Kind::validation).has_value());
 }
 
 TEST(ReportWarnings, NoneWithoutCause) { EXPECT_TRUE(report_warnings(sound_report()).empty()); }

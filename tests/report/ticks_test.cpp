@@ -70,7 +70,7 @@ TEST(LinearTicks, LargeAndSmallNumbersShareAPowerOfTen) {
 
 TEST(LinearTicks, IntegersOnlyWhereAsked) {
   for (const double upper : {1.0, 2.0, 3.0, 7.0, 23.0, 99.0}) {
-    for (const double position : linear_ticks(0, upper, 10, true).positions) {
+    for (const double position : linear_ticks(0, upper, 10, TickStep::whole).positions) {
       EXPECT_EQ(position, std::round(position));
     }
   }

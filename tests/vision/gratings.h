@@ -16,12 +16,9 @@ struct Grating {
   double phase = 0.7;
 };
 
-/// +-1 pattern at one point.
-inline double wave(double cycles, bool square) {
-  const double value = std::sin(2 * std::numbers::pi * cycles);
-  if (!square) return value;
-  return value > 0 ? 1 : -1;
-}
+/// +-1 patterns at one point.
+inline double sine_wave(double cycles) { return std::sin(2 * std::numbers::pi * cycles); }
+inline double square_wave(double cycles) { return sine_wave(cycles) > 0 ? 1 : -1; }
 
 /// Around grey 0.5; squares are averaged over 8 x 8 points a pixel.
 inline Image make_grating(int width, int height, const Grating& grating, std::uint64_t seed = 1) {
@@ -35,7 +32,8 @@ inline Image make_grating(int width, int height, const Grating& grating, std::ui
       for (int i = 0; i < points; ++i)
         for (int j = 0; j < points; ++j) {
           const double px = x + (j + 0.5) / points, py = y + (i + 0.5) / points;
-          sum += wave((px * nx + py * ny) / grating.period + grating.phase, grating.square);
+          const double cycles = (px * nx + py * ny) / grating.period + grating.phase;
+          sum += grating.square ? square_wave(cycles) : sine_wave(cycles);
         }
       const double pattern = 0.5 * grating.contrast * sum / (points * points);
       image(y, x) =
@@ -49,7 +47,7 @@ inline Image make_rings(int width, int height, double cx, double cy, double peri
   Image image(height, width);
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
-      image(y, x) = float(0.5 + 0.4 * wave(std::hypot(x + 0.5 - cx, y + 0.5 - cy) / period, false));
+      image(y, x) = float(0.5 + 0.4 * sine_wave(std::hypot(x + 0.5 - cx, y + 0.5 - cy) / period));
   return image;
 }
 

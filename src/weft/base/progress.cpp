@@ -50,7 +50,7 @@ void Progress::update(std::size_t done, const std::string& note) {
     line += fmt::format(", {} left", duration_text(left));
   }
   if (!note.empty()) line += ", " + note;
-  print(line, false);
+  print(line, Place::passing);
 }
 
 void Progress::finish(const std::string& note) {
@@ -60,14 +60,14 @@ void Progress::finish(const std::string& note) {
   std::string line = fmt::format("{}: {} in {}", label_, count_text(done_, total_),
                                  duration_text(seconds_between(start_, end)));
   if (!note.empty()) line += ", " + note;
-  print(line, true);
+  print(line, Place::last);
 }
 
-void Progress::print(const std::string& line, bool last) {
+void Progress::print(const std::string& line, Place place) {
   last_print_ = Clock::now();
   if (options_.quiet) return;
   if (terminal_) {
-    fmt::print(options_.stream, "\r\033[K{}{}", line, last ? "\n" : "");
+    fmt::print(options_.stream, "\r\033[K{}{}", line, place == Place::last ? "\n" : "");
   } else {
     fmt::print(options_.stream, "{}\n", line);
   }

@@ -34,7 +34,9 @@ class Progress {
   void finish(const std::string& note = {});
 
  private:
-  void print(const std::string& line, bool last);
+  /// On a terminal the next line takes the place of a passing one.
+  enum class Place { passing, last };
+  void print(const std::string& line, Place place);
   std::string label_;
   std::size_t total_;
   Options options_;

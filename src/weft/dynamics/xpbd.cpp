@@ -10,6 +10,7 @@
 namespace weft {
 namespace {
 
+using xpbd::Derivatives;
 using xpbd::Record;
 using xpbd::Records;
 
@@ -115,7 +116,7 @@ class Relaxation {
   Records before_, dbefore_;
   std::array<double, kSheetParameters> scale_{};  // of the derivatives of the force
   int sweeps_ = 0;
-  bool derivatives_ = false;
+  Derivatives derivatives_ = Derivatives::none;
   // Of the window at hand and the one before, N.
   double least_ = kInfinity;
   double least_before_ = kInfinity;
@@ -187,12 +188,12 @@ bool Relaxation::is_stuck(double residual) {
 }
 
 void Relaxation::start_derivatives() {
-  derivatives_ = true;
+  derivatives_ = Derivatives::all;
   system_.start_derivatives();
   dv_.assign(kSheetParameters * v_.size(), Record{});
   dbefore_ = dv_;
   // With the shape held these are the derivatives of the elastic force alone.
-  system_.gather(xpbd::Pass::elastic, true);
+  system_.gather(xpbd::Pass::elastic, Derivatives::all);
   scale_.fill(0);
   for (std::size_t k = 0; k < dv_.size(); ++k) {
     const Record& d = system_.vertices().dpull[k];
@@ -212,7 +213,8 @@ void Relaxation::stop_what_turned() {
     if (options_.derivatives == XpbdDerivatives::along_iterates)
       std::fill(dv_.begin(), dv_.end(), Record{});
   }
-  if (!derivatives_ || options_.derivatives == XpbdDerivatives::along_iterates) return;
+  if (derivatives_ == Derivatives::none || options_.derivatives == XpbdDerivatives::along_iterates)
+    return;
   // At rest the derivatives come to rest by themselves, each parameter's by itself.
   std::array<double, kSheetParameters> powers{};
   for (std::size_t k = 0; k < dv_.size(); ++k)
@@ -224,7 +226,7 @@ void Relaxation::stop_what_turned() {
 /// What the multipliers pull changes as the constraints turn; sweeps do not see that, and a vertex
 /// lighter than this stiffness would run away.
 void Relaxation::adapt_masses() {
-  if (options_.time_step > 0 || derivatives_) return;
+  if (options_.time_step > 0 || derivatives_ == Derivatives::all) return;
   for_free_vertices([&](std::size_t i) {
     system_.set_inverse_mass(i, 1 / std::max(masses_[i], system_.vertices().pull[i].w));
   });
@@ -237,7 +239,7 @@ void Relaxation::predict(std::size_t i) {
   add(vertices.x[i], step_, v_[i]);
   add(vertices.x[i], w * step_ * step_, force_[i]);
   add(vertices.x[i], w, vertices.pull[i]);
-  if (!derivatives_) return;
+  if (derivatives_ == Derivatives::none) return;
   for (std::size_t k = kSheetParameters * i; k < kSheetParameters * (i + 1); ++k) {
     dbefore_[k] = vertices.dx[k];
     add(vertices.dx[k], step_, dv_[k]);
@@ -248,7 +250,7 @@ void Relaxation::predict(std::size_t i) {
 void Relaxation::update_velocity(std::size_t i) {
   const xpbd::Vertices& vertices = system_.vertices();
   v_[i] = difference(vertices.x[i], before_[i], 1 / step_);
-  if (!derivatives_) return;
+  if (derivatives_ == Derivatives::none) return;
   for (std::size_t k = kSheetParameters * i; k < kSheetParameters * (i + 1); ++k)
     dv_[k] = difference(vertices.dx[k], dbefore_[k], 1 / step_);
 }
@@ -265,7 +267,7 @@ void Relaxation::step() {
 }
 
 double Relaxation::residual() {
-  system_.gather(xpbd::Pass::elastic, false);
+  system_.gather(xpbd::Pass::elastic, Derivatives::none);
   double largest = 0;
   for (std::size_t i = 0; i < force_.size(); ++i) {
     if (masses_[i] == 0) continue;
@@ -278,7 +280,7 @@ double Relaxation::residual() {
 }
 
 double Relaxation::derivative_residual() {
-  system_.gather(xpbd::Pass::elastic, true);
+  system_.gather(xpbd::Pass::elastic, Derivatives::all);
   double largest = 0;
   for (std::size_t k = 0; k < dv_.size(); ++k) {
     if (masses_[k / kSheetParameters] == 0) continue;
@@ -308,13 +310,14 @@ XpbdEquilibrium Relaxation::run() {
       begin();
       continue;
     }
-    if (options_.time_step == 0 && !derivatives_ && is_stuck(result.residual)) scale_masses(2);
+    if (options_.time_step == 0 && derivatives_ == Derivatives::none && is_stuck(result.residual))
+      scale_masses(2);
     if (result.residual > options_.force_tolerance) continue;
     if (options_.derivatives == XpbdDerivatives::none) {
       result.converged = true;
       break;
     }
-    if (!derivatives_) start_derivatives();
+    if (derivatives_ == Derivatives::none) start_derivatives();
     result.derivative_residual = derivative_residual();
     if (result.derivative_residual <= options_.derivative_tolerance) {
       result.converged = true;
@@ -323,7 +326,7 @@ XpbdEquilibrium Relaxation::run() {
   }
   result.iterations = sweeps_;
   result.x = system_.positions();
-  if (derivatives_) result.derivative_residual = derivative_residual();
+  if (derivatives_ == Derivatives::all) result.derivative_residual = derivative_residual();
   fill_reactions(result);
   return result;
 }
@@ -339,7 +342,7 @@ void Relaxation::fill_reactions(XpbdEquilibrium& result) {
     add(net, 1, force_[i]);
     result.reactions.col(static_cast<Eigen::Index>(k)) << -net.x, -net.y, -net.z;
   }
-  if (!derivatives_) return;
+  if (derivatives_ == Derivatives::none) return;
   const auto n = static_cast<Eigen::Index>(index.size());
   result.position_derivative.resize(3 * n, kSheetParameters);
   result.reaction_derivative.resize(3 * result.reactions.cols(), kSheetParameters);

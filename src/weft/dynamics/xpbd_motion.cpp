@@ -26,7 +26,7 @@ void Motion::advance(double step, int substeps, int sweeps) {
                v_[i].z + step * acceleration_.z(), 0};
       x[i] = {x[i].x + step * v_[i].x, x[i].y + step * v_[i].y, x[i].z + step * v_[i].z, x[i].w};
     });
-    for (int sweep = 0; sweep < sweeps; ++sweep) system_.sweep(false);
+    for (int sweep = 0; sweep < sweeps; ++sweep) system_.sweep(Derivatives::none);
     for_free([&](std::size_t i) {
       v_[i] = {(x[i].x - before_[i].x) / step, (x[i].y - before_[i].y) / step,
                (x[i].z - before_[i].z) / step, 0};

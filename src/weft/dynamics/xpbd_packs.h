@@ -36,10 +36,13 @@ enum class Pass {
   balance,       ///< set multipliers to what the strains make of them at rest
 };
 
+/// Which derivatives by the sheet's parameters are computed, too.
+enum class Derivatives { none, all };
+
 class ConstraintSet {
  public:
   virtual ~ConstraintSet() = default;
-  virtual void run(Pass pass, std::size_t phase, std::size_t task, bool derivatives,
+  virtual void run(Pass pass, std::size_t phase, std::size_t task, Derivatives derivatives,
                    Vertices& vertices) = 0;
   /// Multipliers, and their derivatives, are zero again.
   virtual void forget_multipliers() = 0;
@@ -188,17 +191,17 @@ class PackedConstraints final : public ConstraintSet {
 
   void set_law(const Law& law) { law_ = law; }
 
-  void run(Pass pass, std::size_t phase, std::size_t task, bool derivatives,
+  void run(Pass pass, std::size_t phase, std::size_t task, Derivatives derivatives,
            Vertices& vertices) override {
     const TaskRange range = tasks_[phase][task];
     const std::size_t begin = range.begin / kLanes, end = range.end / kLanes;
     if constexpr (HasDerivatives<K>) {
-      if (derivatives) {
-        run_pass<true>(pass, begin, end, vertices);
+      if (derivatives == Derivatives::all) {
+        run_pass<Derivatives::all>(pass, begin, end, vertices);
         return;
       }
     }
-    run_pass<false>(pass, begin, end, vertices);
+    run_pass<Derivatives::none>(pass, begin, end, vertices);
   }
 
   void forget_multipliers() override {
@@ -243,7 +246,7 @@ class PackedConstraints final : public ConstraintSet {
     for (std::size_t i = 0; i < sizeof(Rest) / sizeof(double); ++i) to[i][lane] = from[i];
   }
 
-  template <bool kDerivatives>
+  template <Derivatives kDerivatives>
   void run_pass(Pass pass, std::size_t begin, std::size_t end, Vertices& vertices) {
     switch (pass) {
       case Pass::gauss_seidel:
@@ -259,11 +262,11 @@ class PackedConstraints final : public ConstraintSet {
     }
   }
 
-  template <Pass kPass, bool kDerivatives>
+  template <Pass kPass, Derivatives kDerivatives>
   void loop(std::size_t begin, std::size_t end, Vertices& vertices) {
     for (std::size_t i = begin; i < end; ++i) {
       DerivativePack* derivative = nullptr;
-      if constexpr (kDerivatives) derivative = &derivatives_[i];
+      if constexpr (kDerivatives == Derivatives::all) derivative = &derivatives_[i];
       work<kPass, kDerivatives>(packs_[i], derivative, vertices);
     }
   }
@@ -273,7 +276,7 @@ class PackedConstraints final : public ConstraintSet {
   }
 
   // Everything inlined: vectors of lanes are to stay in registers.
-  template <Pass kPass, bool kDerivatives>
+  template <Pass kPass, Derivatives kDerivatives>
   [[gnu::flatten]] void work(Pack& pack, DerivativePack* derivative, Vertices& vertices) const {
     std::array<Vector3<Lanes>, kVertices> x;
     std::array<Lanes, kVertices> w;
@@ -287,7 +290,7 @@ class PackedConstraints final : public ConstraintSet {
     if constexpr (kPass == Pass::balance) {
       const auto c = strain.value();
       pack.l = scaled(law_.squared_step(), law_.stress(pack.rest.weight(), c));
-      if constexpr (kDerivatives) {
+      if constexpr (kDerivatives == Derivatives::all) {
         for (int p = 0; p < kSheetParameters; ++p) {
           const auto dc = K::change(pack.rest, strain, direction(pack, p, vertices)).value();
           derivative->l[static_cast<std::size_t>(p)] =
@@ -308,7 +311,7 @@ class PackedConstraints final : public ConstraintSet {
         detail::scatter(old.v + pull[v], old.w + turning[v], vertices.pull.data(),
                         index_of(pack, v), 1);
       }
-      if constexpr (kDerivatives) {
+      if constexpr (kDerivatives == Derivatives::all) {
         for (int p = 0; p < kSheetParameters; ++p) {
           const auto change = K::change(pack.rest, strain, direction(pack, p, vertices));
           const Rows<Lanes, kRows> dl =
@@ -330,7 +333,7 @@ class PackedConstraints final : public ConstraintSet {
       } else {
         detail::add(pull, vertices.pull.data(), pack.index.data(), 1);
       }
-      if constexpr (kDerivatives) {
+      if constexpr (kDerivatives == Derivatives::all) {
         for (int p = 0; p < kSheetParameters; ++p) {
           const auto change = K::change(pack.rest, strain, direction(pack, p, vertices));
           Rows<Lanes, kRows>& kept = derivative->l[static_cast<std::size_t>(p)];

@@ -24,7 +24,9 @@ double hinge_weight(const TriangleMesh& mesh, const Hinge& hinge) {
 
 /// Bounds of the sums of the absolute entries in the rows of the stiffness matrix of the flat
 /// sheet, one a vertex, N/m.
-VecX stiffness_bounds(const TriangleMesh& mesh, const OrthotropicSheet& sheet, bool weighted) {
+VecX stiffness_bounds(const TriangleMesh& mesh, const OrthotropicSheet& sheet,
+                      XpbdBending bending) {
+  const bool weighted = bending != XpbdBending::dihedral;
   VecX k = VecX::Zero(mesh.vertex_count());
   const double membrane = std::max(sheet.c00, sheet.c11) + std::abs(sheet.c01) + sheet.c22;
   for (const auto& t : mesh.triangles) {
@@ -55,9 +57,8 @@ VecX inverse_masses(const TriangleMesh& mesh, const OrthotropicSheet& sheet,
   if (options.time_step > 0) {
     w = (sheet.areal_density * vertex_areas(mesh)).cwiseInverse();
   } else {
-    const bool weighted = options.bending != XpbdBending::dihedral;
     const double lightness = options.sweep == XpbdSweep::jacobi ? kJacobiLightness : kLightness;
-    w = lightness * stiffness_bounds(mesh, sheet, weighted).cwiseInverse();
+    w = lightness * stiffness_bounds(mesh, sheet, options.bending).cwiseInverse();
   }
   for (const int i : pinned) w[i] = 0;
   return w;

@@ -45,7 +45,7 @@ void System::parallel(std::size_t count, const std::function<void(std::size_t)>&
   }
 }
 
-void System::run(Pass pass, bool derivatives) {
+void System::run(Pass pass, Derivatives derivatives) {
   const std::size_t slabs = at(order_.slab_count());
   const std::array<std::size_t, 3> tasks{slabs, slabs - 1, 1};
   for (std::size_t phase = 0; phase < tasks.size(); ++phase) {
@@ -56,13 +56,14 @@ void System::run(Pass pass, bool derivatives) {
   }
 }
 
-void System::gather(Pass pass, bool derivatives) {
+void System::gather(Pass pass, Derivatives derivatives) {
   std::fill(vertices_.pull.begin(), vertices_.pull.end(), Record{});
-  if (derivatives) std::fill(vertices_.dpull.begin(), vertices_.dpull.end(), Record{});
+  if (derivatives == Derivatives::all)
+    std::fill(vertices_.dpull.begin(), vertices_.dpull.end(), Record{});
   run(pass, derivatives);
 }
 
-void System::sweep(bool derivatives) {
+void System::sweep(Derivatives derivatives) {
   if (sweep_ == XpbdSweep::gauss_seidel) {
     run(Pass::gauss_seidel, derivatives);
     return;
@@ -74,7 +75,7 @@ void System::sweep(bool derivatives) {
       Record& x = vertices_.x[i];
       const Record& p = vertices_.pull[i];
       x = {x.x + w * p.x, x.y + w * p.y, x.z + w * p.z, x.w};
-      if (!derivatives) continue;
+      if (derivatives == Derivatives::none) continue;
       for (std::size_t k = kSheetParameters * i; k < kSheetParameters * (i + 1); ++k) {
         Record& dx = vertices_.dx[k];
         const Record& dp = vertices_.dpull[k];
@@ -88,7 +89,7 @@ void System::forget_multipliers() {
   for (const auto& set : sets_) set->forget_multipliers();
 }
 
-void System::balance_multipliers(bool derivatives) { run(Pass::balance, derivatives); }
+void System::balance_multipliers(Derivatives derivatives) { run(Pass::balance, derivatives); }
 
 void System::forget_strains() {
   for (const auto& set : sets_) set->forget_strains();

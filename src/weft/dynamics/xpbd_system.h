@@ -35,12 +35,12 @@ class System {
   /// Jacobi sweeps from now on (or Gauss-Seidel, as at the start).
   void set_sweep(XpbdSweep sweep);
   /// Equation 3 and 4 for each constraint once.
-  void sweep(bool derivatives);
+  void sweep(Derivatives derivatives);
   /// `pull` and, with derivatives, `dpull` become the sums of a pass that changes nothing else.
-  void gather(Pass pass, bool derivatives);
+  void gather(Pass pass, Derivatives derivatives);
   void forget_multipliers();
   /// Multipliers (and, with derivatives, theirs) as they are where the shape is at rest.
-  void balance_multipliers(bool derivatives);
+  void balance_multipliers(Derivatives derivatives);
   /// Strains depend on the shape alone from here on, until it moves.
   void forget_strains();
   /// Derivatives of everything are zero from here on.
@@ -71,7 +71,7 @@ class System {
  private:
   void adopt(std::unique_ptr<ConstraintSet> set);
   void split_vertices();
-  void run(Pass pass, bool derivatives);
+  void run(Pass pass, Derivatives derivatives);
   void parallel(std::size_t count, const std::function<void(std::size_t)>& task) const;
 
   SlabOrder order_;

@@ -55,7 +55,7 @@ Part summarize(const std::vector<Frame>& all, int first, int last, double alpha)
 
 }  // namespace
 
-CaptureEvaluation evaluate_capture(const Trial& trial, const Fabric& fabric, bool with_truth,
+CaptureEvaluation evaluate_capture(const Trial& trial, const Fabric& fabric, TruthDistance distance,
                                    int threads, Trajectory* trajectory) {
   const Capture& capture = trial.capture;
   const int last = trial.first_frame + trial.frame_count() - 1;
@@ -76,7 +76,7 @@ CaptureEvaluation evaluate_capture(const Trial& trial, const Fabric& fabric, boo
     frame.error = evaluation.frames[i];
     frame.total = frame.error.total(trial.options.alpha);
   }
-  if (with_truth && capture.truth) {
+  if (distance == TruthDistance::included && capture.truth) {
     const TruthSurface truth = read_truth(capture);
     parallel_for(result.frames.size(), threads, [&](std::size_t i) {
       Frame& frame = result.frames[i];

@@ -33,10 +33,13 @@ struct CaptureEvaluation {
   double wall_s = 0;
 };
 
+/// Whether the capture's truth is opened, if it has one, and the distance to it measured. A fit
+/// never does that.
+enum class TruthDistance { left_out, included };
+
 /// `trial` must hold the capture's fit frames and, for a validation part, later ones: prepare it
-/// with prepare_trial(capture, capture.fit_first, capture.frame_count - 1, options). `with_truth`:
-/// open the capture's truth, if it has one, and measure the distance to it; a fit never does.
-CaptureEvaluation evaluate_capture(const Trial& trial, const Fabric& fabric, bool with_truth,
+/// with prepare_trial(capture, capture.fit_first, capture.frame_count - 1, options).
+CaptureEvaluation evaluate_capture(const Trial& trial, const Fabric& fabric, TruthDistance distance,
                                    int threads = 0, Trajectory* trajectory = nullptr);
 
 }  // namespace weft

@@ -184,7 +184,8 @@ class StripProblem {
     MatX normal;
     std::vector<VecX> force, lateral;
   };
-  Evaluation evaluate(const VecX& x, bool with_derivatives) const {
+  enum class Derivatives { none, all };
+  Evaluation evaluate(const VecX& x, Derivatives wanted) const {
     Evaluation out;
     out.gradient = VecX::Zero(dimension());
     out.normal = MatX::Zero(dimension(), dimension());
@@ -194,7 +195,8 @@ class StripProblem {
     for (const StripTest& test : tests_) {
       HomogeneousStrip strip(fabric, test.grain_angle, test.sides);
       HomogeneousStrip::Derivatives derivatives;
-      const auto states = strip.pull(test.stretch, with_derivatives ? &derivatives : nullptr);
+      const auto states =
+          strip.pull(test.stretch, wanted == Derivatives::all ? &derivatives : nullptr);
       VecX force(test.stretch.size()), lateral(test.stretch.size());
       for (Eigen::Index i = 0; i < force.size(); ++i) {
         force[i] = states[static_cast<std::size_t>(i)].force;
@@ -236,17 +238,18 @@ class StripProblem {
 StripFit fit_strips(const std::vector<StripTest>& tests, const Fabric& start,
                     const std::vector<std::string>& free, int max_iterations) {
   const StripProblem problem(tests, start, free);
-  const auto count = static_cast<double>(problem.evaluate(problem.scaled(), false).count);
+  const auto count = static_cast<double>(
+      problem.evaluate(problem.scaled(), StripProblem::Derivatives::none).count);
   if (count == 0) throw Error("strip test: nothing was measured");
   const auto cost = [&](const VecX& x) {
     try {
-      return problem.evaluate(x, false).sum / count;
+      return problem.evaluate(x, StripProblem::Derivatives::none).sum / count;
     } catch (const Error&) {
       return kInfinity;
     }
   };
   const auto linearize = [&](const VecX& x) -> QuadraticModel {
-    const auto at = problem.evaluate(x, true);
+    const auto at = problem.evaluate(x, StripProblem::Derivatives::all);
     return {at.sum / count, at.gradient / count, at.normal / count};
   };
   LeastSquaresOptions options;
@@ -258,7 +261,7 @@ StripFit fit_strips(const std::vector<StripTest>& tests, const Fabric& start,
   StripFit fit;
   fit.search = minimize_least_squares(linearize, cost, problem.scaled(), zero, one, options);
   fit.fabric = problem.fabric(fit.search.x);
-  auto at = problem.evaluate(fit.search.x, false);
+  auto at = problem.evaluate(fit.search.x, StripProblem::Derivatives::none);
   fit.cost = at.sum / count;
   fit.force = std::move(at.force);
   fit.lateral = std::move(at.lateral);

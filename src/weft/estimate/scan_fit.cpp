@@ -400,8 +400,11 @@ ScanProblem::Linearization ScanProblem::linearize(const VecX& scaled) const {
 
 namespace {
 
-/// Indices of the parameters of bending, or of the others.
-std::vector<Eigen::Index> indices_of(const ScanProblem& problem, bool bending) {
+enum class StiffnessPart { membrane, bending };
+
+/// Indices of the parameters of one part.
+std::vector<Eigen::Index> indices_of(const ScanProblem& problem, StiffnessPart part) {
+  const bool bending = part == StiffnessPart::bending;
   std::vector<Eigen::Index> indices;
   for (std::size_t i = 0; i < problem.parameters().size(); ++i)
     if (problem.parameters()[i].bending == bending) indices.push_back(static_cast<Eigen::Index>(i));
@@ -447,7 +450,8 @@ class Descent {
 
  private:
   void schedule() {
-    const auto bending = indices_of(problem_, true), membrane = indices_of(problem_, false);
+    const auto bending = indices_of(problem_, StiffnessPart::bending);
+    const auto membrane = indices_of(problem_, StiffnessPart::membrane);
     if (options_.schedule == ScanSchedule::together || bending.empty() || membrane.empty()) {
       descend_all("all");
       return;

@@ -160,7 +160,8 @@ struct Renderer::Impl {
   int piece_at_centre(int i, int j) const;
   Shades shade(const ShadePoints& points, float footprint_samples) const;
   Shades shine(const std::array<FloatLanes, 8>& affine, float footprint_samples) const;
-  void write(int i, int j, float intensity, bool inside, float depth, float row);
+  void write_intensity(int i, int j, float intensity);
+  void write_surface(int i, int j, float depth, float row);
 
   std::size_t at(int row, int column) const {
     return static_cast<std::size_t>(row) * stride + column;
@@ -358,9 +359,12 @@ Shades Renderer::Impl::shine(const std::array<FloatLanes, 8>& affine,
           (shone & (lit >= 0.5f)) ? row : none + kNoRow};
 }
 
-void Renderer::Impl::write(int i, int j, float intensity, bool inside, float depth, float row) {
+void Renderer::Impl::write_intensity(int i, int j, float intensity) {
   frame.intensity(i, j) = std::min(intensity, 1.0f);
-  if (!inside) return;
+}
+
+/// Of a pixel inside the silhouette.
+void Renderer::Impl::write_surface(int i, int j, float depth, float row) {
   frame.silhouette(i, j) = 1;
   frame.depth(i, j) = depth;
   if (options.projector_row) frame.projector_row(i, j) = row;
@@ -432,8 +436,10 @@ void Renderer::Impl::shade_whole(int i) {
     const IntLanes column = int_lanes([&](int k) { return pixel[k].column; });
     points.x = to_float(column * samples) + 0.5f * n;
     const Shades shades = shade(points, n);
-    for (int k = 0; k < kFloatLanes && first + k < count; ++k)
-      write(i, pixel[k].column, shades.intensity[k], true, shades.depth[k], shades.row[k]);
+    for (int k = 0; k < kFloatLanes && first + k < count; ++k) {
+      write_intensity(i, pixel[k].column, shades.intensity[k]);
+      write_surface(i, pixel[k].column, shades.depth[k], shades.row[k]);
+    }
   }
 }
 
@@ -493,7 +499,8 @@ void Renderer::Impl::resolve_sampled(int i, int j) {
   const Shades shades = shade(points, 1);
   for (int k = 0; k < pending; ++k) sum += shades.intensity[k];
   sum += static_cast<float>(all - covered) * static_cast<float>(options.background);
-  write(i, j, sum / static_cast<float>(all), inside, shades.depth[centre], shades.row[centre]);
+  write_intensity(i, j, sum / static_cast<float>(all));
+  if (inside) write_surface(i, j, shades.depth[centre], shades.row[centre]);
 }
 
 Renderer::Renderer(const Rig& rig, const TriangleMesh& mesh, const RenderOptions& options)

@@ -153,9 +153,11 @@ FabricImage unwrap_picture(const GridTemplate& grid, const Points& x, const Imag
 
 namespace {
 
-/// How much darker a line through each texel is than what lies beside it: along u (`across` = 0) or
-/// along v.
-Image line_response(const Image& grey, int length, int beside, bool along_u) {
+enum class LineAlong { u, v };
+
+/// How much darker a line through each texel is than what lies beside it.
+Image line_response(const Image& grey, int length, int beside, LineAlong direction) {
+  const bool along_u = direction == LineAlong::u;
   cv::Mat line, side, response;
   const cv::Size on = along_u ? cv::Size(2 * length + 1, 1) : cv::Size(1, 2 * length + 1);
   cv::blur(view(grey), line, on, cv::Point(-1, -1), cv::BORDER_REPLICATE);
@@ -201,7 +203,8 @@ Vec2 refine(const Image& response, Eigen::Index row, Eigen::Index column) {
 /// Where the dark line through (row, column) is, across it: the centre of the darker half of the
 /// profile, which is averaged along 0.8 of a pitch. In texels from the middle of the texel.
 double line_offset(const FabricImage& image, Eigen::Index row, Eigen::Index column, int step,
-                   bool along_u) {
+                   LineAlong direction) {
+  const bool along_u = direction == LineAlong::u;
   const int across = step / 4, along = 2 * step / 5;
   std::vector<double> profile;
   for (int d = -across; d <= across; ++d) {
@@ -241,8 +244,8 @@ std::vector<Crossing> find_crossings(const FabricImage& image, double pitch) {
   cv::GaussianBlur(view(grey), smooth, cv::Size(0, 0), std::max(0.6, step / 16.0));
   std::copy(smooth.ptr<float>(0), smooth.ptr<float>(0) + grey.size(), grey.data());
   // A line along u varies across v, so its response places v; their least places both.
-  const Image response =
-      line_response(grey, length, beside, true).min(line_response(grey, length, beside, false));
+  const Image response = line_response(grey, length, beside, LineAlong::u)
+                             .min(line_response(grey, length, beside, LineAlong::v));
   std::vector<Crossing> all;
   const Eigen::Index reach = std::max(2, 2 * step / 5);
   for (Eigen::Index i = 1; i + 1 < response.rows(); ++i) {
@@ -253,8 +256,9 @@ std::vector<Crossing> find_crossings(const FabricImage& image, double pitch) {
       const auto block = response.block(i0, j0, std::min(response.rows(), i + reach + 1) - i0,
                                         std::min(response.cols(), j + reach + 1) - j0);
       if (response(i, j) < block.maxCoeff()) continue;
-      const Vec2 middle(static_cast<double>(j) + 0.5 + line_offset(image, i, j, step, false),
-                        static_cast<double>(i) + 0.5 + line_offset(image, i, j, step, true));
+      const Vec2 middle(
+          static_cast<double>(j) + 0.5 + line_offset(image, i, j, step, LineAlong::v),
+          static_cast<double>(i) + 0.5 + line_offset(image, i, j, step, LineAlong::u));
       all.push_back({image.texel * middle, response(i, j), {}, false});
     }
   }

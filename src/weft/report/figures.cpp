@@ -13,13 +13,14 @@ namespace {
 
 constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
 
-/// Stretches of frames of one kind; edges half way between frames.
-std::vector<PlotRegion> validation_regions(const ReportCapture& capture, bool in_seconds) {
+/// Stretches of validation frames on an axis where a frame lies at `place`; edges half way between
+/// frames.
+template <class Number>
+std::vector<PlotRegion> validation_regions(const ReportCapture& capture,
+                                           Number ReportFrame::*place) {
   std::vector<PlotRegion> regions;
   const auto& frames = capture.frames;
-  const auto at = [&](std::size_t i) {
-    return in_seconds ? frames[i].time : static_cast<double>(frames[i].index);
-  };
+  const auto at = [&](std::size_t i) { return static_cast<double>(frames[i].*place); };
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (!frames[i].validation) continue;
     std::size_t last = i;
@@ -85,7 +86,7 @@ LinePlot error_plot(const ReportCapture& capture) {
   plot.x = frame_axis();
   plot.y.label = "error";
   plot.y.from_zero = true;
-  plot.regions = validation_regions(capture, false);
+  plot.regions = validation_regions(capture, &ReportFrame::index);
   plot.height = 280;
   PlotSeries& error = add_series(plot, "");
   for (const ReportFrame& frame : capture.frames) add_point(error, frame.index, frame.error);
@@ -116,7 +117,7 @@ LinePlot distance_plot(const ReportCapture& capture) {
   plot.y.label = "distance";
   plot.y.unit = "mm";
   plot.y.from_zero = true;
-  plot.regions = validation_regions(capture, true);
+  plot.regions = validation_regions(capture, &ReportFrame::time);
   plot.height = 280;
   PlotSeries mean, max;
   for (const ReportFrame& frame : capture.frames) {

@@ -109,7 +109,8 @@ void set_ticks(Scale& scale, const PlotAxis& axis, double length, double spacing
   }
   const int most = std::max(3, static_cast<int>(length / spacing));
   scale.ticks = axis.logarithmic ? log_ticks(scale.lower, scale.upper, most)
-                                 : linear_ticks(scale.lower, scale.upper, most, axis.integers);
+                                 : linear_ticks(scale.lower, scale.upper, most,
+                                                axis.integers ? TickStep::whole : TickStep::any);
 }
 
 double widest(const std::vector<std::string>& labels) {
@@ -139,13 +140,16 @@ double slant_height(const PlotAxis& axis, double length) {
   return fits ? 0 : 0.5 * width;
 }
 
-void draw_x_axis(Svg& svg, const Frame& frame, const Scale& scale, const PlotAxis& axis, bool grid,
+enum class Grid { none, lines };
+
+void draw_x_axis(Svg& svg, const Frame& frame, const Scale& scale, const PlotAxis& axis, Grid grid,
                  double slant = 0) {
   svg.open("class=\"axis x-axis\"");
   const double baseline = frame.bottom + 4 + kTickSize + 2;
   for (std::size_t i = 0; i < scale.ticks.positions.size(); ++i) {
     const double x = scale.pixel(scale.ticks.positions[i]);
-    if (grid) svg.line(x, frame.top, x, frame.bottom, "class=\"grid\" stroke=\"#e6e8eb\"");
+    if (grid == Grid::lines)
+      svg.line(x, frame.top, x, frame.bottom, "class=\"grid\" stroke=\"#e6e8eb\"");
     svg.line(x, frame.bottom, x, frame.bottom + 4, "class=\"tick\" stroke=\"#8a929c\"");
     const std::string how = slant > 0
                                 ? fmt::format("text-anchor=\"end\" transform=\"rotate(-30 {} {})\"",
@@ -166,13 +170,12 @@ void draw_x_axis(Svg& svg, const Frame& frame, const Scale& scale, const PlotAxi
 }
 
 void draw_y_axis(Svg& svg, const Frame& frame, const Scale& scale, const PlotAxis& axis,
-                 bool grid) {
+                 Grid grid) {
   svg.open("class=\"axis y-axis\"");
   for (std::size_t i = 0; i < scale.ticks.positions.size(); ++i) {
     const double y = scale.pixel(scale.ticks.positions[i]);
-    if (grid) {
+    if (grid == Grid::lines)
       svg.line(frame.left, y, frame.right, y, "class=\"grid\" stroke=\"#e6e8eb\"");
-    }
     svg.text(frame.left - 6, y + 0.36 * kTickSize,
              fmt::format("class=\"tick-label\" text-anchor=\"end\" {}", kSoftInk),
              scale.ticks.labels[i]);
@@ -368,7 +371,7 @@ void draw_points(Svg& svg, const PlotSeries& series, const LinePlot& plot, const
 }
 
 void draw_series(Svg& svg, const PlotSeries& series, const LinePlot& plot, const Frame& frame,
-                 const Scale& x, const Scale& y, int colour, bool dashed) {
+                 const Scale& x, const Scale& y, int colour) {
   svg.open(fmt::format("class=\"series\" data-name=\"{}\"", escape_xml(series.name)));
   if (!series.lower.empty()) draw_band(svg, series, plot, x, y, colour);
   if (series.mark != PlotSeries::Mark::points) {
@@ -377,19 +380,18 @@ void draw_series(Svg& svg, const PlotSeries& series, const LinePlot& plot, const
       // A single point between gaps would be an invisible line.
       const std::string d = path_through(piece) + (piece.size() == 1 ? "h0" : "");
       svg.path(d, stroke(colour, 1.8) + " stroke-linejoin=\"round\" stroke-linecap=\"round\"" +
-                      (dashed ? " stroke-dasharray=\"6 4\"" : ""));
+                      (series.dashed ? " stroke-dasharray=\"6 4\"" : ""));
     }
   }
   if (series.mark != PlotSeries::Mark::line) draw_points(svg, series, plot, frame, x, y, colour);
   svg.close();
 }
 
-void draw_legend_key(Svg& svg, const LegendEntry& entry, const PlotSeries& series, int colour,
-                     bool dashed) {
+void draw_legend_key(Svg& svg, const LegendEntry& entry, const PlotSeries& series, int colour) {
   const double middle = entry.y + kLegendRow / 2;
   if (series.mark != PlotSeries::Mark::points) {
     svg.line(entry.x, middle, entry.x + 24, middle,
-             stroke(colour, 2.2) + (dashed ? " stroke-dasharray=\"6 4\"" : ""));
+             stroke(colour, 2.2) + (series.dashed ? " stroke-dasharray=\"6 4\"" : ""));
   }
   if (series.mark != PlotSeries::Mark::line) draw_mark(svg, entry.x + 12, middle, colour, 3.6, {});
 }
@@ -545,20 +547,19 @@ std::string to_svg(const LinePlot& plot, std::string_view id, double margin) {
   svg.raw("<defs>" + clip(id, frame) + "</defs>\n");
   draw_title(svg, plot.title);
   draw_regions(svg, plot, frame, x);
-  draw_x_axis(svg, frame, x, plot.x, plot.x.categories.empty(), slant);
-  draw_y_axis(svg, frame, y, plot.y, true);
+  draw_x_axis(svg, frame, x, plot.x, plot.x.categories.empty() ? Grid::lines : Grid::none, slant);
+  draw_y_axis(svg, frame, y, plot.y, Grid::lines);
   draw_levels(svg, plot, frame, y);
   svg.open(fmt::format("clip-path=\"url(#{}-clip)\"", escape_xml(id)));
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
-    draw_series(svg, plot.series[i], plot, frame, x, y, colour_index(plot.series[i], i),
-                plot.series[i].dashed);
+    draw_series(svg, plot.series[i], plot, frame, x, y, colour_index(plot.series[i], i));
   }
   svg.close();
   draw_base_line(svg, frame);
   draw_notes(svg, plot, frame, x, y);
   for (std::size_t k = 0; k < legend.size(); ++k) {
     const PlotSeries& series = plot.series[named[k]];
-    draw_legend_key(svg, legend[k], series, colour_index(series, named[k]), series.dashed);
+    draw_legend_key(svg, legend[k], series, colour_index(series, named[k]));
     draw_legend_label(svg, legend[k]);
   }
   return svg.document(plot.width, plot.height, margin, plot.title, root_attributes(frame, x));
@@ -596,7 +597,7 @@ std::string to_svg(const BarChart& chart, std::string_view id, double margin) {
   Svg svg;
   svg.raw("<defs>" + hatch(id) + "</defs>\n");
   draw_title(svg, chart.title);
-  draw_x_axis(svg, frame, scale, axis, true);
+  draw_x_axis(svg, frame, scale, axis, Grid::lines);
   for (std::size_t i = 0; i < chart.bars.size(); ++i) {
     const BarChart::Bar& bar = chart.bars[i];
     const double top = frame.top + kRow * static_cast<double>(i) + 5;
@@ -701,16 +702,6 @@ Eigen::Index smallest_finite(const HeatMap& map, Eigen::Index row) {
   return best;
 }
 
-/// The value of one cell; text colour by what the ground calls for.
-void draw_cell_value(Svg& svg, const std::string& value, double x, double y, double t,
-                     bool hatched) {
-  const bool dark_ground = !hatched && luminance(colour_at(ColourMap::viridis, t)) < 0.3;
-  svg.text(x, y + 0.36 * kTickSize,
-           fmt::format("class=\"cell-value\" text-anchor=\"middle\" fill=\"{}\"",
-                       dark_ground ? "#ffffff" : "#16191d"),
-           value);
-}
-
 /// Where a heat map's cells, axes and colours lie.
 struct MapLayout {
   std::vector<double> x_edges, y_edges;
@@ -791,14 +782,23 @@ void outline_row_minimum(Svg& svg, const HeatMap& map, const MapLayout& layout, 
   }
 }
 
+/// Text colour that the ground of a cell with this value calls for.
+const char* ink_on_cell(const MapLayout& layout, double value) {
+  const bool hatched = !drawable(layout.colour_axis, value);
+  const bool dark_ground =
+      !hatched && luminance(colour_at(ColourMap::viridis, layout.colour.fraction(value))) < 0.3;
+  return dark_ground ? "#ffffff" : "#16191d";
+}
+
 void draw_row_values(Svg& svg, const HeatMap& map, const MapLayout& layout, Eigen::Index row) {
   for (Eigen::Index j = 0; j < map.values.cols(); ++j) {
     const double value = map.values(row, j);
     if (std::isnan(value)) continue;
-    const bool hatched = !drawable(layout.colour_axis, value);
-    draw_cell_value(svg, format_value(value, map.digits), (layout.left(j) + layout.right(j)) / 2,
-                    layout.top(row) + layout.height(row) / 2,
-                    hatched ? 1 : layout.colour.fraction(value), hatched);
+    svg.text((layout.left(j) + layout.right(j)) / 2,
+             layout.top(row) + layout.height(row) / 2 + 0.36 * kTickSize,
+             fmt::format("class=\"cell-value\" text-anchor=\"middle\" fill=\"{}\"",
+                         ink_on_cell(layout, value)),
+             format_value(value, map.digits));
   }
 }
 
@@ -844,8 +844,8 @@ std::string to_svg(const HeatMap& map, std::string_view id, double margin) {
     if (map.outline_row_minimum) outline_row_minimum(svg, map, layout, i);
     if (map.print_values) draw_row_values(svg, map, layout, i);
   }
-  draw_x_axis(svg, layout.frame, layout.x, map.x_axis, false, layout.slant);
-  draw_y_axis(svg, layout.frame, layout.y, map.y_axis, false);
+  draw_x_axis(svg, layout.frame, layout.x, map.x_axis, Grid::none, layout.slant);
+  draw_y_axis(svg, layout.frame, layout.y, map.y_axis, Grid::none);
   draw_colour_bar(svg, map, layout.frame, layout.colour);
   draw_markers(svg, map, layout);
   for (std::size_t i = 0; i < legend.size(); ++i) {

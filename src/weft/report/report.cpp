@@ -76,7 +76,8 @@ void warn_of_captures(const Report& report, std::vector<std::string>& warnings) 
           "From a wrong start no parameters fit.",
           capture.name, capture.start));
     }
-    const auto fit = report_means(capture, false), validation = report_means(capture, true);
+    const auto fit = report_means(capture, ReportFrame::Kind::fit);
+    const auto validation = report_means(capture, ReportFrame::Kind::validation);
     for (const auto& [means, kind] : {std::pair{fit, "fit"}, std::pair{validation, "validation"}}) {
       if (means && !std::isfinite(means->error)) {
         warnings.push_back(
@@ -105,12 +106,12 @@ bool is_searched(const ReportParameter& parameter) {
   return parameter.free && parameter.tied_to.empty();
 }
 
-std::optional<ReportMeans> report_means(const ReportCapture& capture, bool validation) {
+std::optional<ReportMeans> report_means(const ReportCapture& capture, ReportFrame::Kind kind) {
   ReportMeans means;
   ReportDistance distance;
   std::size_t with_distance = 0;
   for (const ReportFrame& frame : capture.frames) {
-    if (frame.validation != validation) continue;
+    if (frame.kind() != kind) continue;
     ++means.frames;
     means.error += frame.error;
     means.fold += frame.fold;

@@ -70,6 +70,7 @@ struct ReportDistance {
 
 /// One frame of one capture.
 struct ReportFrame {
+  enum class Kind { fit, validation };
   int index = 0;                           ///< of the capture
   double time = 0;                         ///< s
   bool validation = false;                 ///< held back from the fit
@@ -77,6 +78,8 @@ struct ReportFrame {
   double fold = 0;                         ///< rad^2
   double silhouette = 0;                   ///< px
   std::optional<ReportDistance> distance;  ///< where the capture has a known surface
+
+  Kind kind() const { return validation ? Kind::validation : Kind::fit; }
 };
 
 struct ReportCapture {
@@ -174,7 +177,7 @@ struct ReportMeans {
   std::optional<ReportDistance> distance;
 };
 /// Nothing where there are no such frames.
-std::optional<ReportMeans> report_means(const ReportCapture& capture, bool validation);
+std::optional<ReportMeans> report_means(const ReportCapture& capture, ReportFrame::Kind kind);
 
 /// What a reader must know before the numbers, most serious first, one sentence or two each:
 /// stopped early, errors that did not fall, parameters that the data do not determine, parameters

@@ -238,7 +238,7 @@ const std::string_view report_js = R"js(
     };
 
     const viewer = {root, toggle, step(by) { stop(); show(index + by); },
-                    end(atEnd) { stop(); show(atEnd ? count - 1 : 0); }};
+                    first() { stop(); show(0); }, last() { stop(); show(count - 1); }};
     root.closest('.capture').querySelectorAll('[data-along]').forEach((figure) => {
       const svg = figure.querySelector('svg');
       const values = figure.dataset.along === 'time' ? data.times : data.frames;
@@ -267,8 +267,8 @@ const std::string_view report_js = R"js(
     const inside = viewer.root.contains(event.target);
     if (event.key === 'ArrowRight') viewer.step(1);
     else if (event.key === 'ArrowLeft') viewer.step(-1);
-    else if (inside && event.key === 'Home') viewer.end(false);
-    else if (inside && event.key === 'End') viewer.end(true);
+    else if (inside && event.key === 'Home') viewer.first();
+    else if (inside && event.key === 'End') viewer.last();
     else if (inside && event.key === ' ' && event.target.tagName !== 'BUTTON') viewer.toggle();
     else return;
     event.preventDefault();

@@ -71,21 +71,23 @@ std::string parameters_tile(const Report& report) {
               "determined, and inside their range");
 }
 
+/// Over the fit frames, or the validation frames where those have no truth.
 std::string distance_tile(const Report& report) {
-  double sum = 0;
-  std::size_t frames = 0;
-  for (const bool validation : {false, true}) {
-    if (frames > 0) break;
+  for (const auto kind : {ReportFrame::Kind::fit, ReportFrame::Kind::validation}) {
+    double sum = 0;
+    std::size_t frames = 0;
     for (const ReportCapture& capture : report.captures) {
-      const auto means = report_means(capture, validation);
+      const auto means = report_means(capture, kind);
       if (!means || !means->distance) continue;
       sum += means->distance->mean * static_cast<double>(means->frames);
       frames += means->frames;
     }
+    if (frames == 0) continue;
+    return tile("Mean distance to the truth", millimetres(sum / static_cast<double>(frames)),
+                fmt::format("over {} {} frames", frames,
+                            kind == ReportFrame::Kind::fit ? "fit" : "validation"));
   }
-  if (frames == 0) return "";
-  return tile("Mean distance to the truth", millimetres(sum / static_cast<double>(frames)),
-              fmt::format("over {} fit frames", frames));
+  return "";
 }
 
 std::string head(const Report& report) {
@@ -122,9 +124,8 @@ std::string head(const Report& report) {
 
 // ---- What was measured
 
-std::size_t count_frames(const ReportCapture& capture, bool validation) {
-  return static_cast<std::size_t>(
-      std::ranges::count(capture.frames, validation, &ReportFrame::validation));
+std::size_t count_frames(const ReportCapture& capture, ReportFrame::Kind kind) {
+  return static_cast<std::size_t>(std::ranges::count(capture.frames, kind, &ReportFrame::kind));
 }
 
 std::string measured_section(const Report& report) {
@@ -135,7 +136,7 @@ std::string measured_section(const Report& report) {
       "frames</th>"
       "<th>Simulated as</th><th>Motion starts from</th></tr></thead><tbody>\n";
   for (const ReportCapture& c : report.captures) {
-    const std::size_t validation = count_frames(c, true);
+    const std::size_t validation = count_frames(c, ReportFrame::Kind::validation);
     html += "<tr>";
     html += cell("Capture",
                  fmt::format("<b>{}</b><div class=\"minor\">{}</div>", escaped(c.name),
@@ -433,7 +434,8 @@ std::string means_row(const char* kind, const std::optional<ReportMeans>& means,
 }
 
 std::string means_table(const ReportCapture& capture) {
-  const auto fit = report_means(capture, false), validation = report_means(capture, true);
+  const auto fit = report_means(capture, ReportFrame::Kind::fit);
+  const auto validation = report_means(capture, ReportFrame::Kind::validation);
   const bool distances = (fit && fit->distance) || (validation && validation->distance);
   return fmt::format(
       "<table><thead><tr><th></th><th class=\"n\">Frames</th><th class=\"n\">Error</th>"

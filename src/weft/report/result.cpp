@@ -163,8 +163,8 @@ Json json_of(const ReportCapture& capture) {
   object["vertices"] = {capture.columns, capture.rows};
   object["start"] = capture.start;
   object["start_measured"] = capture.start_measured;
-  object["fit"] = json_of(report_means(capture, false));
-  object["validation"] = json_of(report_means(capture, true));
+  object["fit"] = json_of(report_means(capture, ReportFrame::Kind::fit));
+  object["validation"] = json_of(report_means(capture, ReportFrame::Kind::validation));
   object["frames"] = Json::array();
   for (const ReportFrame& frame : capture.frames) object["frames"].push_back(json_of(frame));
   return object;

@@ -27,13 +27,14 @@ struct Step {
 
 /// The smallest of 1, 2, 2.5, 5 times a power of ten that is at least `least`; a whole number if
 /// asked.
-Step nice_step(double least, bool integers) {
-  if (integers) least = std::max(1.0, least);
+Step nice_step(double least, TickStep kind) {
+  const bool whole = kind == TickStep::whole;
+  if (whole) least = std::max(1.0, least);
   const int exponent = static_cast<int>(std::floor(std::log10(least)));
   for (const int power : {exponent, exponent + 1}) {
     for (const double factor : {1.0, 2.0, 2.5, 5.0}) {
       const Step step{factor * std::pow(10.0, power), (factor == 2.5 ? 1 : 0) - power};
-      if (step.size < least * (1 - kSlack) || (integers && step.decimals > 0)) continue;
+      if (step.size < least * (1 - kSlack) || (whole && step.decimals > 0)) continue;
       return step;
     }
   }
@@ -49,10 +50,10 @@ std::string log_label(int mantissa, int exponent, bool plain) {
 
 }  // namespace
 
-Ticks linear_ticks(double lower, double upper, int most, bool integers) {
+Ticks linear_ticks(double lower, double upper, int most, TickStep kind) {
   Ticks ticks;
   if (!(lower < upper) || !std::isfinite(upper - lower)) return ticks;
-  const auto [step, step_decimals] = nice_step((upper - lower) / std::max(1, most), integers);
+  const auto [step, step_decimals] = nice_step((upper - lower) / std::max(1, most), kind);
   const double largest = std::max(std::abs(lower), std::abs(upper));
   const int magnitude = static_cast<int>(std::floor(std::log10(largest)));
   if (magnitude >= 5 || magnitude <= -3) {

@@ -153,14 +153,19 @@ inline HingeSideProducts<T> side_products(const HingeSide<T>& side, const Vector
   return {symmetric_outer(p, side.q), outer(p, c)};
 }
 
+enum class Sign { minus, plus };
+
 /// x W + Z^T or x W - Z^T: the blocks between an apex and an end of the edge.
-template <class T>
-inline Matrix3<T> apex_block(const HingeSideProducts<T>& s, const T& x, bool plus) {
+template <Sign kSign, class T>
+inline Matrix3<T> apex_block(const HingeSideProducts<T>& s, const T& x) {
   Matrix3<T> out = (x * s.w).full();
   for (std::size_t r = 0; r < 3; ++r)
     for (std::size_t c = 0; c < 3; ++c) {
       T& entry = out.m[3 * r + c];
-      entry = plus ? T(entry + s.z.m[3 * c + r]) : T(entry - s.z.m[3 * c + r]);
+      if constexpr (kSign == Sign::plus)
+        entry = entry + s.z.m[3 * c + r];
+      else
+        entry = entry - s.z.m[3 * c + r];
     }
   return out;
 }
@@ -188,10 +193,10 @@ inline HingeHessian<T> hinge_hessian(const DihedralAngle<T>& angle, const T& fac
   h.b33 = b.w;
   h.b00 = (ra * ra + fa) * a.w + ra * za + (rb * rb + fb) * b.w + rb * zb;
   h.b11 = (ta * ta + fa) * a.w + (-ta) * za + (tb * tb + fb) * b.w + (-tb) * zb;
-  h.b20 = detail::apex_block(a, T(-ra), false);
-  h.b21 = detail::apex_block(a, T(-ta), true);
-  h.b30 = detail::apex_block(b, T(-rb), false);
-  h.b31 = detail::apex_block(b, T(-tb), true);
+  h.b20 = detail::apex_block<detail::Sign::minus>(a, T(-ra));
+  h.b21 = detail::apex_block<detail::Sign::plus>(a, T(-ta));
+  h.b30 = detail::apex_block<detail::Sign::minus>(b, T(-rb));
+  h.b31 = detail::apex_block<detail::Sign::plus>(b, T(-tb));
   h.b10 = ((ta * ra - fa) * a.w + (tb * rb - fb) * b.w).full();
   for (std::size_t r = 0; r < 3; ++r)
     for (std::size_t c = 0; c < 3; ++c) {
