@@ -54,6 +54,7 @@ struct FitArguments {
   std::string start = "middle";
   std::optional<std::size_t> iterations;
   std::optional<double> simplex;
+  int hops = AutoFitOptions().least_squares.hops.rounds;
   int coarse_frames = 1;
   int coarse_levels = 4;
   std::uint64_t seed = 1;
@@ -100,6 +101,7 @@ AutoFitOptions auto_options(const FitArguments& arguments) {
     options.least_squares.start = FitOptions::Start::initial;
     options.least_squares.screening_points = 0;
   }
+  options.least_squares.hops.rounds = arguments.hops;
   options.least_squares.seed = arguments.seed;
   options.least_squares.threads = arguments.trial.threads();
   return options;
@@ -199,6 +201,8 @@ std::vector<std::pair<std::string, ReportValue>> settings(const FitArguments& ar
       {"start", arguments.start},
       {"iterations", static_cast<std::int64_t>(annealing.annealing.max_evaluations)},
       {"simplex", annealing.annealing.simplex_size}};
+  if (arguments.method == "auto")
+    values.emplace_back("hops", static_cast<std::int64_t>(arguments.hops));
   if (arguments.method == "annealing") {
     values.insert(values.end(),
                   {{"coarse parameters", fmt::format("{}", fmt::join(arguments.coarse, ", "))},
@@ -390,13 +394,19 @@ Look look_at_captures(const FitArguments& arguments, const std::vector<Capture>&
   return look;
 }
 
+std::string method_of(const FitArguments& arguments) {
+  if (arguments.method == "annealing") return "coarse search, then simulated annealing";
+  std::string method = "least squares through the motion";
+  if (auto_options(arguments).annealing.annealing.max_evaluations > 0)
+    method += ", then simulated annealing";
+  return method;
+}
+
 /// How it was made.
 void add_origin(const FitArguments& arguments, const Sureness& sure, Report& report) {
   report.command = command_line();
   report.created = now();
-  report.method = arguments.method == "annealing"
-                      ? "coarse search, then simulated annealing"
-                      : "least squares through the motion, then simulated annealing";
+  report.method = method_of(arguments);
   report.threads = arguments.trial.threads() ? arguments.trial.threads() : hardware_threads();
   report.settings = settings(arguments, arguments.trial.options());
   if (sure.uncertainty)
@@ -463,7 +473,7 @@ void run_fit(const FitArguments& arguments) {
 }
 
 const std::vector<std::string> kVideoFitOptions{
-    "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",
+    "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",     "--hops",
     "--iterations", "--simplex", "--no-variability", "--variability-curves"};
 
 void run_mechanical(const FitArguments& arguments, const CLI::App& command) {
@@ -563,9 +573,10 @@ void add_fabric_options(CLI::App& command, FitArguments& arguments) {
 
 void add_search_options(CLI::App& command, FitArguments& arguments) {
   command
-      .add_option("--method", arguments.method,
-                  "auto: least squares through the derivatives of the motion, then annealing from "
-                  "its end; annealing: a coarse search, then annealing")
+      .add_option(
+          "--method", arguments.method,
+          "auto: least squares through the derivatives of the motion, also from points about "
+          "its end, then annealing; annealing: a coarse search, then annealing")
       ->check(CLI::IsMember({"auto", "annealing"}))
       ->capture_default_str();
   command
@@ -585,9 +596,15 @@ void add_search_options(CLI::App& command, FitArguments& arguments) {
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   command
+      .add_option("--hops", arguments.hops,
+                  "rounds, at most, of two descents from the best of 20 points about the best so "
+                  "far, of some 45 evaluations' time each (--method auto)")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  command
       .add_option("--iterations", arguments.iterations,
-                  "evaluations of the annealing (default: 150 with auto, 600 with annealing)")
-      ->check(CLI::Range(1, 10000000));
+                  "evaluations of the annealing (default: 0 with auto, 600 with annealing)")
+      ->check(CLI::Range(0, 10000000));
   command
       .add_option("--simplex", arguments.simplex,
                   "edge of the annealing's first simplex, of each parameter's scaled range "
@@ -608,6 +625,10 @@ void check_together(const CLI::App& command, const FitArguments& arguments) {
     if (arguments.method != "annealing" && command.count(name) > 0)
       throw Error(fmt::format("{}: only with --method annealing", name));
   }
+  if (arguments.method == "annealing" && arguments.iterations == 0)
+    throw Error("--iterations: 0, with --method annealing 1 to 10000000");
+  if (arguments.method != "auto" && command.count("--hops") > 0)
+    throw Error("--hops: only with --method auto");
   if (arguments.no_variability && arguments.variability_curves)
     throw Error("--no-variability and --variability-curves exclude each other");
   if (command.count("--model") > 0 && command.count("--initial") > 0)
@@ -644,7 +665,7 @@ void add_fit(CLI::App& app) {
   arguments->scan.add_to(*command);
   arguments->scan_fit.add_to(*command);
   command->footer(
-      "Examples:\n  weft fit data/captures/cotton_waving_A --out out/cotton --iterations 150\n"
+      "Examples:\n  weft fit data/captures/cotton_waving_A --out out/cotton --hops 8\n"
       "  weft fit stretch_weft stretch_warp shear bend_weft bend_warp --out out/denim --model "
       "stvk-diagonal --order incremental --subdivide");
   command->callback([arguments, command] {

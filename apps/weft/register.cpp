@@ -371,6 +371,71 @@ void run_register(const RegisterArguments& arguments) {
   if (arguments.json) fmt::print("{}\n", result.dump(2));
 }
 
+/// Where the grid lies before it is fitted.
+void add_start_options(CLI::App& command, RegisterArguments& arguments) {
+  command.add_option("--start", arguments.start,
+                     "shape to begin from: an OBJ whose vt are (u, v) in m");
+  command.add_option("--landmarks", arguments.landmarks,
+                     "points of the fabric on the first scan: a CSV with u_m, v_m, x_m, y_m, z_m "
+                     "and perhaps weight; three or more place the sheet");
+  command.add_option("--held", arguments.held,
+                     "points of the fabric that hold it, on the first scan, a CSV as of "
+                     "--landmarks: they are landmarks, and cloth that hangs by them under "
+                     "--gravity is where the registration begins, too (without --start)");
+  command
+      .add_option("--gravity", arguments.gravity,
+                  "with --held: in the scan's axes, m/s^2, not 0,0,0")
+      ->capture_default_str();
+  command
+      .add_option("--u-axis", arguments.u_axis,
+                  "where u runs, about, in the scan's axes (without --start and three landmarks)")
+      ->capture_default_str();
+  command.add_option("--v-axis", arguments.v_axis, "where v runs, about")->capture_default_str();
+}
+
+/// What is seen on the fabric.
+void add_print_options(CLI::App& command, RegisterArguments& arguments) {
+  command
+      .add_option("--stamp", arguments.stamp,
+                  "pitch of dark grid lines stamped on the fabric, m, 0 to 1: their crossings are "
+                  "looked for in the scan's colours; 0: none")
+      ->check(number_in(0, 1))
+      ->capture_default_str();
+  command
+      .add_option("--stamp-origin", arguments.stamp_origin,
+                  "u,v of a crossing of the stamped grid, m, each 0 to the pitch")
+      ->capture_default_str();
+  command.add_flag("--print", arguments.print,
+                   "in a sequence, keep the grid on what the first frame has printed, by the "
+                   "colours of the scans");
+  command.add_option("--pictures", arguments.pictures,
+                     "the same by pictures of the frames: a pattern such as frames/%03d.png");
+  command.add_option("--camera", arguments.camera,
+                     "camera of the pictures: a file with 3 rows of 4 numbers, the projection from "
+                     "the scans' axes (m) to px");
+}
+
+/// How closely the grid follows the scan.
+void add_fit_options(CLI::App& command, RegisterArguments& arguments) {
+  command
+      .add_option("--reach", arguments.options.start_error,
+                  "how far the start may be off, m, 0 to 10; 0: 0.15 of the swatch's size")
+      ->check(number_in(0, 10))
+      ->capture_default_str();
+  command
+      .add_option("--smoothing", arguments.options.smoothing,
+                  "features narrower than 6 times this are smoothed, m, 0 to 1; 0: 0.3 to 1 cell "
+                  "by the scatter of the points")
+      ->check(number_in(0, 1))
+      ->capture_default_str();
+  command
+      .add_option("--isometry", arguments.options.isometry,
+                  "distance that weighs as much as 100 % of strain, m, 0 to 100; 0: 0.5 of the "
+                  "swatch's size, 0.1 with 16 landmarks or more")
+      ->check(number_in(0, 100))
+      ->capture_default_str();
+}
+
 }  // namespace
 
 void add_register(CLI::App& app) {
@@ -391,60 +456,9 @@ void add_register(CLI::App& app) {
   command->add_option("--unit", arguments->unit, "m per unit of the scan's coordinates")
       ->check(number_in(1e-9, 1e6))
       ->capture_default_str();
-  command->add_option("--start", arguments->start,
-                      "shape to begin from: an OBJ whose vt are (u, v) in m");
-  command->add_option("--landmarks", arguments->landmarks,
-                      "points of the fabric on the first scan: a CSV with u_m, v_m, x_m, y_m, z_m "
-                      "and perhaps weight; three or more place the sheet");
-  command->add_option("--held", arguments->held,
-                      "points of the fabric that hold it, on the first scan, a CSV as of "
-                      "--landmarks: they are landmarks, and cloth that hangs by them under "
-                      "--gravity is where the registration begins, too (without --start)");
-  command
-      ->add_option("--gravity", arguments->gravity,
-                   "with --held: in the scan's axes, m/s^2, not 0,0,0")
-      ->capture_default_str();
-  command
-      ->add_option("--stamp", arguments->stamp,
-                   "pitch of dark grid lines stamped on the fabric, m, 0 to 1: their crossings are "
-                   "looked for in the scan's colours; 0: none")
-      ->check(number_in(0, 1))
-      ->capture_default_str();
-  command
-      ->add_option("--stamp-origin", arguments->stamp_origin,
-                   "u,v of a crossing of the stamped grid, m, each 0 to the pitch")
-      ->capture_default_str();
-  command->add_flag("--print", arguments->print,
-                    "in a sequence, keep the grid on what the first frame has printed, by the "
-                    "colours of the scans");
-  command->add_option("--pictures", arguments->pictures,
-                      "the same by pictures of the frames: a pattern such as frames/%03d.png");
-  command->add_option(
-      "--camera", arguments->camera,
-      "camera of the pictures: a file with 3 rows of 4 numbers, the projection from "
-      "the scans' axes (m) to px");
-  command
-      ->add_option("--u-axis", arguments->u_axis,
-                   "where u runs, about, in the scan's axes (without --start and three landmarks)")
-      ->capture_default_str();
-  command->add_option("--v-axis", arguments->v_axis, "where v runs, about")->capture_default_str();
-  command
-      ->add_option("--reach", arguments->options.start_error,
-                   "how far the start may be off, m, 0 to 10; 0: 0.15 of the swatch's size")
-      ->check(number_in(0, 10))
-      ->capture_default_str();
-  command
-      ->add_option("--smoothing", arguments->options.smoothing,
-                   "features narrower than 6 times this are smoothed, m, 0 to 1; 0: 0.3 to 1 cell "
-                   "by the scatter of the points")
-      ->check(number_in(0, 1))
-      ->capture_default_str();
-  command
-      ->add_option("--isometry", arguments->options.isometry,
-                   "distance that weighs as much as 100 % of strain, m, 0 to 100; 0: 0.5 of the "
-                   "swatch's size, 0.1 with 16 landmarks or more")
-      ->check(number_in(0, 100))
-      ->capture_default_str();
+  add_start_options(*command, *arguments);
+  add_print_options(*command, *arguments);
+  add_fit_options(*command, *arguments);
   command->add_option("--threads", arguments->options.threads, "0: all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

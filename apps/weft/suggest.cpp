@@ -271,6 +271,33 @@ void run_suggest(SuggestArguments& arguments) {
   write_plot(out / "suggestions.svg", chart_of(suggestions));
 }
 
+constexpr const char* kFamilyOptions[] = {"--separations", "--amplitudes", "--frequencies",
+                                          "--axes", "--frames"};
+
+/// Videos of which all combinations are candidates.
+void add_family_options(CLI::App& command, SuggestArguments& arguments) {
+  command
+      .add_option("--separations", arguments.family.separations,
+                  "of the clips, of their distance on the swatch")
+      ->check(number_in(0.1, 1))
+      ->capture_default_str();
+  command
+      .add_option("--amplitudes", arguments.family.amplitudes,
+                  "m, of the second clip; 0: hanging still")
+      ->check(number_in(0, 1))
+      ->capture_default_str();
+  command.add_option("--frequencies", arguments.family.frequencies, "Hz")
+      ->check(number_in(0.01, 20))
+      ->capture_default_str();
+  command
+      .add_option("--axes", arguments.axes, "across (the line of the clips, horizontal), along, up")
+      ->check(CLI::IsMember({"across", "along", "up"}))
+      ->capture_default_str();
+  command.add_option("--frames", arguments.family.frames, "length of each")
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
+}
+
 }  // namespace
 
 void add_suggest(CLI::App& app) {
@@ -297,27 +324,7 @@ void add_suggest(CLI::App& app) {
   command->add_option("--candidates", arguments->candidates,
                       "file of experiments (docs/formats.md); otherwise strips, a bias extension "
                       "and cantilevers, or of a model of motions all combinations of:");
-  command
-      ->add_option("--separations", arguments->family.separations,
-                   "of the clips, of their distance on the swatch")
-      ->check(number_in(0.1, 1))
-      ->capture_default_str();
-  command
-      ->add_option("--amplitudes", arguments->family.amplitudes,
-                   "m, of the second clip; 0: hanging still")
-      ->check(number_in(0, 1))
-      ->capture_default_str();
-  command->add_option("--frequencies", arguments->family.frequencies, "Hz")
-      ->check(number_in(0.01, 20))
-      ->capture_default_str();
-  command
-      ->add_option("--axes", arguments->axes,
-                   "across (the line of the clips, horizontal), along, up")
-      ->check(CLI::IsMember({"across", "along", "up"}))
-      ->capture_default_str();
-  command->add_option("--frames", arguments->family.frames, "length of each")
-      ->check(CLI::Range(1, 10000))
-      ->capture_default_str();
+  add_family_options(*command, *arguments);
   command
       ->add_option("--noise", arguments->noise,
                    "rad^2, of a frame: twice the variance of a pixel's residual times the pixels "
@@ -342,8 +349,7 @@ void add_suggest(CLI::App& app) {
       "--amplitudes 0 0.05 --frequencies 1 2\n"
       "  weft suggest out/strip --parameters weft_bend --candidates tests.toml");
   command->callback([arguments, command] {
-    for (const char* name :
-         {"--separations", "--amplitudes", "--frequencies", "--axes", "--frames"}) {
+    for (const char* name : kFamilyOptions) {
       if (command->count(name) == 0) continue;
       if (!arguments->candidates.empty())
         throw Error(fmt::format("{}: not with --candidates", name));

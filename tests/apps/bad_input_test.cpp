@@ -288,7 +288,14 @@ TEST_F(BadInput, Options) {
     EXPECT_THAT(fit("--seed", seed), AllOf(StartsWith("--seed: " + seed), HasSubstr("from 0 to")));
   }
   EXPECT_THAT(fit("--grid", "2"), AllOf(HasSubstr("--grid"), HasSubstr("3 to 401")));
-  EXPECT_THAT(fit("--iterations", "0"), AllOf(HasSubstr("--iterations"), HasSubstr("1 to")));
+  EXPECT_THAT(fit("--iterations", "-1"), AllOf(HasSubstr("--iterations"), HasSubstr("0 to")));
+  EXPECT_THAT(refusal({"fit", capture(), "--out", path("out"), "--method", "annealing",
+                       "--iterations", "0"}),
+              AllOf(StartsWith("--iterations: 0"), HasSubstr("1 to")));
+  EXPECT_THAT(fit("--hops", "-1"), AllOf(HasSubstr("--hops"), HasSubstr("0 to")));
+  EXPECT_THAT(
+      refusal({"fit", capture(), "--out", path("out"), "--method", "annealing", "--hops", "1"}),
+      HasSubstr("--hops: only with --method auto"));
   EXPECT_THAT(fit("--coarse-levels", "0"), HasSubstr("--coarse-levels"));
   EXPECT_THAT(fit("--steps-per-frame", "0"), HasSubstr("--steps-per-frame"));
   EXPECT_THAT(fit("--alpha", "-0.1"), HasSubstr("--alpha"));

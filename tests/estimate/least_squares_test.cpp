@@ -267,5 +267,40 @@ TEST(PayingSteps, EndAfterTwoSmallOnesInTurn) {
   EXPECT_FALSE(steps.pay_after(step(0.8990)));  // and again
 }
 
+// In the principal directions the steps are independent, and each raises the parabola alike, but
+// where the cost is flat the width ends them.
+TEST(DrawByCurvature, PointsLieAlongTheValley) {
+  const double s = std::sqrt(0.5);
+  MatX directions(2, 2);
+  directions << s, s, -s, s;
+  const QuadraticModel model{3, VecX::Zero(2),
+                             directions * Vec2(4000, 1e-6).asDiagonal() * directions.transpose()};
+  Rng rng(7);
+  const VecX middle = VecX::Constant(2, 0.5);
+  const int count = 4000;
+  const auto points = draw_by_curvature(middle, model, count, rng, {0.2, 0.05});
+  ASSERT_EQ(points.size(), static_cast<std::size_t>(count));
+  MatX covariance = MatX::Zero(2, 2);
+  for (const VecX& point : points) {
+    const VecX step = directions.transpose() * (point - middle);
+    covariance += step * step.transpose() / count;
+  }
+  // 1/2 4000 variance = 0.2 * 3 / 2. The variance of a sample of 4000 scatters by 2.2 %.
+  EXPECT_NEAR(covariance(0, 0), 1.5e-4, 0.1 * 1.5e-4);
+  EXPECT_NEAR(covariance(1, 1), 2.5e-3, 0.1 * 2.5e-3);
+  EXPECT_NEAR(covariance(0, 1), 0, 0.1 * std::sqrt(1.5e-4 * 2.5e-3));
+}
+
+TEST(DrawByCurvature, StaysInTheRangesAndRefusesNoWidth) {
+  const QuadraticModel model{1, VecX::Zero(1), MatX::Zero(1, 1)};
+  Rng rng(1);
+  for (const VecX& point : draw_by_curvature(VecX::Ones(1), model, 50, rng)) {
+    EXPECT_GE(point[0], 0);
+    EXPECT_LE(point[0], 1);
+  }
+  EXPECT_THROW(draw_by_curvature(VecX::Ones(1), model, 1, rng, {0, 0.1}), Error);
+  EXPECT_THROW(draw_by_curvature(VecX::Ones(1), model, 1, rng, {0.1, 0}), Error);
+}
+
 }  // namespace
 }  // namespace weft::least_squares_test

@@ -295,10 +295,32 @@ TEST_F(LinearizeTest, ScatteredPointsThatTakeAnotherWayAreGoneOnFrom) {
   EXPECT_EQ(run_least_squares_fit(problem(), options).scaled, alone.scaled);
 }
 
+TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
+  LeastSquaresFitOptions options = small_fit();
+  options.screening_points = 0;
+  options.stages = {{0, 1, 1, 2, 1, 0}};
+  const FitResult alone = run_least_squares_fit(problem(), options);
+  options.hops.rounds = 2;
+  options.hops.drawn = 6;
+  options.hops.least_gain = 0;
+  options.threads = 1;
+  const FitResult result = run_least_squares_fit(problem(), options);
+  EXPECT_LT(result.final.error, alone.final.error);
+  EXPECT_EQ(result.final.error, evaluate(problem(), result.fabric).error);
+  EXPECT_EQ(result.history.back().phase, "hops");
+  EXPECT_GE(result.evaluations,
+            alone.evaluations + 2 * (6 + 2));  // a trial step a descent at least
+  options.threads = 2;
+  EXPECT_EQ(run_least_squares_fit(problem(), options).scaled, result.scaled);
+  options.hops.least_gain = 1;  // no round gains that
+  EXPECT_LT(run_least_squares_fit(problem(), options).evaluations, result.evaluations);
+}
+
 TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
   AutoFitOptions options;
   options.least_squares = small_fit();
   options.least_squares.stages = {{0, 1, 2, 3, 1, 0.05}};
+  options.least_squares.hops.rounds = 0;
   options.annealing.annealing.max_evaluations = 20;
   options.annealing.with_variability = false;
   const FitResult descent = run_least_squares_fit(problem(), options.least_squares);

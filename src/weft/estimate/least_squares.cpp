@@ -244,4 +244,23 @@ LeastSquaresResult minimize_least_squares(const LinearizeFunction& linearize,
   return LevenbergMarquardt(linearize, cost, lower, upper, options, observer).run(start);
 }
 
+std::vector<VecX> draw_by_curvature(const VecX& x, const QuadraticModel& model, int count, Rng& rng,
+                                    const CurvatureDraw& options) {
+  if (!(options.rise > 0) || !(options.widest > 0))
+    throw Error("points drawn by the curvature need a rise and a width above 0");
+  const SymmetricEigen principal = symmetric_eigen(model.hessian);
+  // 1/2 h s^2 of each of n directions adds up to the rise.
+  const double rise = 2 * options.rise * model.cost / static_cast<double>(x.size());
+  const VecX widths = principal.values.unaryExpr([&](double h) {
+    return h * options.widest * options.widest > rise ? std::sqrt(rise / h) : options.widest;
+  });
+  std::vector<VecX> points(static_cast<std::size_t>(count));
+  for (VecX& point : points) {
+    VecX steps = widths;
+    for (double& step : steps) step *= rng.normal();
+    point = (x + principal.vectors * steps).cwiseMax(0).cwiseMin(1);
+  }
+  return points;
+}
+
 }  // namespace weft

@@ -1,6 +1,8 @@
 #pragma once
 #include <functional>
+#include <vector>
 
+#include "weft/base/random.h"
 #include "weft/base/types.h"
 
 namespace weft {
@@ -89,6 +91,17 @@ LeastSquaresResult minimize_least_squares(const LinearizeFunction& linearize,
                                           const VecX& lower, const VecX& upper,
                                           const LeastSquaresOptions& options = {},
                                           const LeastSquaresObserver& observer = {});
+
+struct CurvatureDraw {
+  double rise = 0.1;     ///< of the cost: what a drawn point is expected to lie above it; > 0
+  double widest = 0.15;  ///< standard deviation along what the cost hardly feels; > 0
+};
+
+/// `count` points about x, whose model is given: normally distributed along the principal
+/// directions of the hessian, each of which is expected to raise the parabola alike, so that they
+/// lie along its valleys; clamped to [0, 1]. Throws Error for options out of range.
+std::vector<VecX> draw_by_curvature(const VecX& x, const QuadraticModel& model, int count, Rng& rng,
+                                    const CurvatureDraw& options = {});
 
 /// The minimum of g^T s + s^T A s / 2 over lower <= s <= upper, with A symmetric positive definite
 /// and lower <= 0 <= upper.

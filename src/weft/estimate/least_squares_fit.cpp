@@ -74,6 +74,11 @@ class LeastSquaresFit {
         throw Error(
             fmt::format("the scatter of a stage is {:g}, must be in [0, 1]", stage.scatter));
     }
+    if (options.hops.rounds < 0) throw Error("rounds of hops must not be negative");
+    if (options.hops.drawn < 1 || options.hops.descents < 1 || options.hops.max_iterations < 1)
+      throw Error("hops need a point, a descent and an iteration at least");
+    if (!(options.hops.least_gain >= 0))
+      throw Error("the least gain of a hop must not be negative");
     result_.seed = options.seed;
   }
 
@@ -90,6 +95,7 @@ class LeastSquaresFit {
       // What the last stage said, it said of other starts.
       if (renewed && last) run_stage(options_.stages[k], candidates);
     }
+    hop();
     conclude();
     result_.wall_s = seconds_since(begin);
     return std::move(result_);
@@ -258,26 +264,55 @@ class LeastSquaresFit {
     add_scattered(stage, candidates);
     const bool compared = candidates.size() == 1 || (first && stage.scattered == 0);
     // On all frames one alone is evaluated, too: no fit ends above where its last stage began.
-    if (!compared || stage.frames == 0) compare_candidates(stage, candidates);
+    if (!compared || stage.frames == 0)
+      compare_candidates(stage.frames, phase_of(stage), candidates);
     keep_other_ways(descended, candidates);
     keep_best(stage.survivors, candidates);
-    std::vector<Descent> descents(candidates.size());
-    parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
-      if (!stopped_) descents[i] = improve(stage, candidates[i]);
-    });
+    const std::vector<Descent> descents = descend(stage, phase_of(stage), candidates);
     if (&stage == &options_.stages.back() && descents.front().end.size() > 0) {
       result_.start_fabric = problem_->fabric(candidates.front().scaled);
       result_.start = descents.front().start;
     }
     if (descents.front().end.size() > 0) weigh_priors(descents.front().prior_weight);
+    record_all(stage, phase_of(stage), candidates, descents);
     for (std::size_t i = 0; i < candidates.size(); ++i) {
-      for (const Tried& tried : descents[i].tried)
-        record(phase_of(stage), {tried.scaled, candidates[i].problem}, stage.frames,
-               tried.evaluation);
       if (descents[i].end.size() == 0) continue;
       candidates[i].scaled = descents[i].end;
       candidates[i].cost = descents[i].cost;
     }
+  }
+
+  void hop() {
+    const HopOptions& hops = options_.hops;
+    FitStage stage = options_.stages.back();
+    stage.frames = 0;
+    stage.max_iterations = hops.max_iterations;
+    Rng rng(options_.seed, 4);
+    for (int round = 0; round < hops.rounds && !stopped_; ++round) {
+      const QuadraticModel model = model_at_best(stage);
+      if (!std::isfinite(model.cost)) return;
+      const double before = best_error_;
+      std::vector<Contender> candidates;
+      for (VecX& x : draw_by_curvature(result_.scaled, model, hops.drawn, rng, hops.draw))
+        candidates.push_back({std::move(x), best_problem_});
+      compare_candidates(stage.frames, "hops", candidates);
+      if (stopped_) return;
+      sort_by_cost(candidates);
+      if (candidates.size() > static_cast<std::size_t>(hops.descents))
+        candidates.erase(candidates.begin() + hops.descents, candidates.end());
+      record_all(stage, "hops", candidates, descend(stage, "hops", candidates));
+      if (!(best_error_ < (1 - hops.least_gain) * before)) return;
+    }
+  }
+
+  /// With the priors; its cost is infinite where there is no best yet.
+  QuadraticModel model_at_best(const FitStage& stage) const {
+    QuadraticModel model;
+    model.cost = kInfinity;
+    if (result_.scaled.size() == 0 || !std::isfinite(result_.final.error)) return model;
+    model = linearize(*best_problem_, result_.scaled, linearization_of(stage)).model;
+    add_priors(result_.scaled, prior_weight_, model);
+    return model;
   }
 
   void add_scattered(const FitStage& stage, std::vector<Contender>& candidates) const {
@@ -307,18 +342,19 @@ class LeastSquaresFit {
     return stage.frames > 0 ? fmt::format("{} frames", stage.frames) : "all frames";
   }
 
-  /// By the error on the frames of the stage to come.
-  void compare_candidates(const FitStage& stage, std::vector<Contender>& candidates) {
+  /// By the error on so many frames.
+  void compare_candidates(int frame_count, const std::string& phase,
+                          std::vector<Contender>& candidates) {
     std::vector<StoredEvaluation> evaluations(candidates.size());
     parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
       if (interrupted()) return;
-      evaluations[i] = evaluate_point(candidates[i], stage.frames, phase_of(stage), 1);
+      evaluations[i] = evaluate_point(candidates[i], frame_count, phase, 1);
     });
     if (interrupted()) stopped_ = true;  // some were left out
     for (std::size_t i = 0; i < candidates.size() && !stopped_; ++i) {
       result_.replayed += evaluations[i].replayed;
       candidates[i].cost = evaluations[i].evaluation.error;
-      note(phase_of(stage), candidates[i], stage.frames, evaluations[i].evaluation);
+      note(phase, candidates[i], frame_count, evaluations[i].evaluation);
     }
   }
 
@@ -359,9 +395,25 @@ class LeastSquaresFit {
     model.hessian += weight * prior.hessian;
   }
 
-  Descent improve(const FitStage& stage, const Contender& candidate) {
+  /// One of each candidate, side by side.
+  std::vector<Descent> descend(const FitStage& stage, const std::string& phase,
+                               const std::vector<Contender>& candidates) {
+    std::vector<Descent> descents(candidates.size());
+    parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
+      if (!stopped_) descents[i] = improve(stage, phase, candidates[i]);
+    });
+    return descents;
+  }
+
+  void record_all(const FitStage& stage, const std::string& phase,
+                  const std::vector<Contender>& candidates, const std::vector<Descent>& descents) {
+    for (std::size_t i = 0; i < candidates.size(); ++i)
+      for (const Tried& tried : descents[i].tried)
+        record(phase, {tried.scaled, candidates[i].problem}, stage.frames, tried.evaluation);
+  }
+
+  Descent improve(const FitStage& stage, const std::string& phase, const Contender& candidate) {
     const LinearizationOptions options = linearization_of(stage);
-    const std::string phase = phase_of(stage);
     const VecX origin = reference();
     const Problem& problem = *candidate.problem;
     Descent descent;
@@ -481,7 +533,8 @@ FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOpt
 }
 
 AutoFitOptions::AutoFitOptions() {
-  annealing.annealing.max_evaluations = 150;
+  least_squares.hops.rounds = 4;
+  annealing.annealing.max_evaluations = 0;
   annealing.annealing.simplex_size = 0.1;
 }
 

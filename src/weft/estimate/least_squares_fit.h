@@ -27,6 +27,18 @@ struct FitStage {
   double scatter = 0.07;
 };
 
+/// After the stages, on all frames. The error along a valley is rough, and a descent ends in its
+/// first dent: in each round points are drawn about the best so far by the curvature there
+/// (draw_by_curvature()), and descents begin at the best of them.
+struct HopOptions {
+  int rounds = 0;  ///< at most; >= 0
+  int drawn = 20;  ///< points a round, >= 1
+  CurvatureDraw draw;
+  int descents = 2;          ///< a round, >= 1
+  int max_iterations = 4;    ///< of each, >= 1
+  double least_gain = 1e-3;  ///< of the error: a round that gains less is the last one; >= 0
+};
+
 struct LeastSquaresFitOptions {
   /// A Latin hypercube of this many points over `screening_parameters` (where free; the others as
   /// the pull has them) and the start itself are compared on `screening_frames` frames; 0: no
@@ -37,6 +49,7 @@ struct LeastSquaresFitOptions {
                                                 "shear_stiffness"};
   std::vector<FitStage> stages{
       {10, 4, 5, 6, 1, 0.05}, {25, 2, 6, 4, 1, 0.05}, {0, 2, 8, 3, 1, 0.05, 0, 24}};
+  HopOptions hops;  ///< with the losses and the pull of the last stage
   FitOptions::Start start = FitOptions::Start::middle;
   LeastSquaresOptions solver;          ///< its max_iterations is that of the stage
   LinearizationOptions linearization;  ///< its frames, losses and threads are overwritten
@@ -46,30 +59,31 @@ struct LeastSquaresFitOptions {
 
 /// Fits the free parameters of `problem` by least squares through the derivatives of the motion,
 /// from coarse to fine: screening on a few frames, then LevenbergMarquardt stage by stage over more
-/// frames and narrower losses. The estimate is the point with the smallest ProblemEvaluation::error
-/// (the paper's) of all that were evaluated on all frames. FitResult::start is where the last stage
-/// started (FitResult::initial if it was stopped before); there are no variability curves. Before
-/// each stage the best candidate, and those that have the same starts, are given those that suit it
-/// (with_starts_for), and again after the last, which is gone through again if they are others. Of
-/// the candidates that go on to a stage one at least has the starts that were given, unless only
-/// one goes on. FitResult::compared has the starts of the estimate. Full evaluations are added to
-/// `store`, and those that are not part of a linearization are replayed from it. Deterministic for
-/// a seed, whatever the number of threads. Throws Error for options out of range and for a problem
-/// with an evaluator of its own.
+/// frames and narrower losses, then from points about its end. The estimate is the point with the
+/// smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all frames.
+/// FitResult::start is where the last stage started (FitResult::initial if it was stopped before);
+/// there are no variability curves. Before each stage the best candidate, and those that have the
+/// same starts, are given those that suit it (with_starts_for), and again after the last, which is
+/// gone through again if they are others. Of the candidates that go on to a stage one at least has
+/// the starts that were given, unless only one goes on. FitResult::compared has the starts of the
+/// estimate. Full evaluations are added to `store`, and those that are not part of a linearization
+/// are replayed from it. Deterministic for a seed, whatever the number of threads. Throws Error for
+/// options out of range and for a problem with an evaluator of its own.
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},
                                 EvaluationStore* store = nullptr, const FitObserver& observer = {});
 
-/// Least squares, then annealing from its end. Where cloth snaps from one shape to another the
-/// error of a long motion is rough at a scale far below what the data resolve, and a descent ends
-/// in the first dent; annealing in a simplex as small as the descent's end is certain leaves it.
+/// Least squares, hops, then annealing from there, if it is asked for. Where cloth snaps from one
+/// shape to another the error of a long motion is rough at a scale far below what the data resolve,
+/// and a descent ends in the first dent; what hops do about it annealing in a small simplex does
+/// more slowly.
 struct AutoFitOptions {
-  AutoFitOptions();  ///< sets the annealing's evaluations to 150, and its first simplex to 0.1
+  AutoFitOptions();  ///< sets hops to 4 rounds, and annealing to 0 evaluations in a simplex of 0.1
 
   LeastSquaresFitOptions least_squares;
   /// Its start and coarse search are overwritten; annealing.max_evaluations 0: no annealing.
   FitOptions annealing;
 };
-/// Starts that suit its end better are taken where they lower the error.
+/// Starts that suit the annealing's end better are taken where they lower the error.
 /// History and counts are those of both parts together; FitResult::start is where least squares
 /// ended. Throws what run_least_squares_fit() and run_fit() throw.
 FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options = {},
