@@ -575,8 +575,8 @@ void add_search_options(CLI::App& command, FitArguments& arguments) {
   command
       .add_option(
           "--method", arguments.method,
-          "auto: least squares through the derivatives of the motion, also from points about "
-          "its end, then annealing; annealing: a coarse search, then annealing")
+          "auto: least squares through the derivatives of the motion, then from points about its "
+          "end, then annealing if --iterations says so; annealing: a coarse search, then annealing")
       ->check(CLI::IsMember({"auto", "annealing"}))
       ->capture_default_str();
   command
