@@ -301,7 +301,8 @@ TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
   options.stages = {{0, 1, 1, 2, 1, 0}};
   const FitResult alone = run_least_squares_fit(problem(), options);
   options.hops.rounds = 2;
-  options.hops.drawn = 6;
+  options.hops.drawn = 4;
+  options.hops.max_iterations = 2;
   options.hops.least_gain = 0;
   options.threads = 1;
   const FitResult result = run_least_squares_fit(problem(), options);
@@ -309,7 +310,7 @@ TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
   EXPECT_EQ(result.final.error, evaluate(problem(), result.fabric).error);
   EXPECT_EQ(result.history.back().phase, "hops");
   EXPECT_GE(result.evaluations,
-            alone.evaluations + 2 * (6 + 2));  // a trial step a descent at least
+            alone.evaluations + 2 * (4 + 2));  // a trial step a descent at least
   options.threads = 2;
   EXPECT_EQ(run_least_squares_fit(problem(), options).scaled, result.scaled);
   options.hops.least_gain = 1;  // no round gains that

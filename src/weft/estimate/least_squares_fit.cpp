@@ -282,6 +282,7 @@ class LeastSquaresFit {
     }
   }
 
+  /// From the best point of all frames, with its starts.
   void hop() {
     const HopOptions& hops = options_.hops;
     FitStage stage = options_.stages.back();
