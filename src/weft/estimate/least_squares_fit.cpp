@@ -298,9 +298,7 @@ class LeastSquaresFit {
         candidates.push_back({std::move(x), best_problem_});
       compare_candidates(stage.frames, "hops", candidates);
       if (stopped_) return;
-      sort_by_cost(candidates);
-      if (candidates.size() > static_cast<std::size_t>(hops.descents))
-        candidates.erase(candidates.begin() + hops.descents, candidates.end());
+      keep_best(hops.descents, candidates);
       record_all(stage, "hops", candidates, descend(stage, "hops", candidates));
       if (!(best_error_ < (1 - hops.least_gain) * before)) return;
     }
