@@ -214,9 +214,7 @@ void add_cusick(CLI::App& app) {
   command->add_option("--support", options.test.support, "m, radius of the discs that hold it")
       ->check(number_in(0.005, 1))
       ->capture_default_str();
-  command->add_option("--threads", arguments->threads, "0: all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->threads);
   command->add_option("--shadow", arguments->shadow,
                       "picture of the shadow from above instead of a fabric; its upper left corner "
                       "is ground");

@@ -41,9 +41,7 @@ void TrialArguments::add_to(CLI::App& command) {
       .add_option("--cache", cache_,
                   "folder that keeps what was computed from videos; none: nothing is kept")
       ->capture_default_str();
-  command.add_option("--threads", threads_, "0: all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  add_threads(command, threads_);
 }
 
 void TrialArguments::add_start_to(CLI::App& command) {
@@ -237,6 +235,12 @@ CLI::Validator number_in(double lower, double upper) {
     return fmt::format("Value {} not in range {:g} to {:g}", text, lower, upper);
   };
   return {check, fmt::format("FLOAT in [{:g} - {:g}]", lower, upper)};
+}
+
+void add_threads(CLI::App& command, int& threads) {
+  command.add_option("--threads", threads, "0: all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
 }
 
 CLI::Validator unsigned_integer() {

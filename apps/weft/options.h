@@ -98,6 +98,9 @@ CLI::Validator number_in(double lower, double upper);
 /// Accepts what an unsigned integer of 64 bits can hold; CLI11 wraps a negative number around.
 CLI::Validator unsigned_integer();
 
+/// --threads, into `threads`, whose value is the default.
+void add_threads(CLI::App& command, int& threads);
+
 /// `fabric` as the start of a fit to the captures in `folders`: with the optional terms that
 /// --include names, the areal density of the captures, `name`, and where it came from. Throws Error
 /// for a term that its model does not have.

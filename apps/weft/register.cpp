@@ -459,9 +459,7 @@ void add_register(CLI::App& app) {
   add_start_options(*command, *arguments);
   add_print_options(*command, *arguments);
   add_fit_options(*command, *arguments);
-  command->add_option("--threads", arguments->options.threads, "0: all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->options.threads);
   command->add_flag("--overwrite", arguments->overwrite, "replace the results of another run");
   command->add_flag("--json", arguments->json, "print JSON");
   command->footer("Example:\n  weft register scan.ply --swatch 0.5x0.5 --out registered");

@@ -339,9 +339,7 @@ void add_suggest(CLI::App& app) {
                    "mechanical tests: cells of the mesh across the shortest free side")
       ->check(CLI::Range(2, 200))
       ->capture_default_str();
-  command->add_option("--threads", arguments->threads, "0: all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->threads);
   command->add_flag("--json", arguments->json, "print JSON instead of a table");
   command->add_option("--out", arguments->out, "folder for suggestions.json and suggestions.svg");
   command->footer(
