@@ -381,7 +381,6 @@ void Study::fits() const {
       "\nleast squares from one start: the paper's error per masked pixel, distance / mm over "
       "fit and later frames, stiffnesses, intervals, CPU s\n");
   std::vector<Terms> sets = term_sets(weight_);
-  sets.erase(sets.begin(), sets.begin() + 2);
   std::reverse(sets.begin(), sets.end());  // the sets that matter most first
   for (const Terms& terms : sets) {
     const double begin = cpu_seconds();
