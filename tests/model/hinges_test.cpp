@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -135,6 +136,41 @@ TEST(Hinges, AnEdgeFeelsTheMeanOfItsAngles) {
               1e-6 * kBend * angle * angle);
   EXPECT_NEAR(folded(slope, 0), 0.25 * folded(slope, slope), 1e-6 * folded(slope, slope));
   EXPECT_LT(folded(slope, -slope), 1e-6 * folded(slope, slope));
+}
+
+// Where the fold at one end passes 180 degrees and that at the other does not, their mean goes on;
+// where the mean passes 180 degrees the fold is as far from flat the other way.
+TEST(Hinges, OneEndThatPasses180DegreesDoesNotTurnTheEdgeOver) {
+  Fabric fabric = bends_alone();
+  fabric.values[fabric.value_index("twist_stiffness")] = 0;
+  const TriangleMesh mesh = make_swatch(2 * kSize, kSize, 3, 2);
+  const ClothModel model = model_of(fabric, mesh);
+  const auto folded = [&](double at_start, double at_end) {  // degrees
+    Points x = raised(mesh, [](const Vec2&) { return 0; });
+    for (int i = 0; i < mesh.vertex_count(); ++i) {
+      const Vec2 uv = mesh.material.col(i);
+      if (uv.x() < 1.5 * kSize) continue;
+      const double angle = (uv.y() < 0.5 * kSize ? at_start : at_end) * std::numbers::pi / 180;
+      x(0, i) = kSize * (1 + std::cos(angle));
+      x(2, i) = kSize * std::sin(angle);
+    }
+    return model.elastic_energy(x);
+  };
+  const auto of_mean = [](double degrees) {
+    const double angle = degrees * std::numbers::pi / 180;
+    return 0.5 * kBend * angle * angle;
+  };
+  for (const double sign : {1.0, -1.0}) {
+    for (const auto& [at_start, at_end, mean] : {std::array{140.0, 170.0, 155.0},
+                                                 {140, 190, 165},
+                                                 {190, 140, 165},
+                                                 {160, 199, 179.5},
+                                                 {160, 201, 179.5},
+                                                 {190, 190, 170},
+                                                 {100, -60, 20}})
+      EXPECT_NEAR(folded(sign * at_start, sign * at_end), of_mean(mean), 1e-9 * kBend)
+          << sign * at_start << ' ' << sign * at_end;
+  }
 }
 
 TEST(Hinges, NeedAGrid) {

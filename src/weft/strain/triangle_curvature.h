@@ -22,7 +22,12 @@
 /// the cells over its diagonals. The edge goes from 0 to 1; on its left, counter-clockwise in (u,
 /// v), is the cell 0, 1, 4, 2, on its right 1, 0, 3, 5. Hinges: the edge with the apexes 2 and 3
 /// beside its start, the same with 4 and 5 beside its end, the left cell over the diagonals 0-4 and
-/// 1-2.
+/// 1-2. The first two count by their mean, which one of them alone must not turn over when it
+/// passes 180 degrees: the second is taken in the turn that is next to the first, then both in the
+/// one in which the mean is within (-pi, pi]. So C^2 is continuous, and C but where the mean itself
+/// passes 180 degrees.
+#include <numbers>
+
 #include "weft/strain/dihedral_angle.h"
 
 namespace weft {
@@ -39,6 +44,8 @@ struct TriangleStencil {
   static constexpr std::array<std::size_t, 4> hinge(std::size_t j) {
     return detail::hinge_vertices(j);
   }
+  template <class T>
+  static void choose_turns(std::array<DihedralAngle<T>, hinges>& /*angles*/) {}
 };
 
 struct EdgeStencil {
@@ -47,6 +54,18 @@ struct EdgeStencil {
     constexpr std::array<std::array<std::size_t, 4>, hinges> kHinges{
         {{0, 1, 2, 3}, {0, 1, 4, 5}, {0, 4, 2, 1}, {1, 2, 0, 4}}};
     return kHinges[j];
+  }
+  template <class T>
+  static void choose_turns(std::array<DihedralAngle<T>, hinges>& angles) {
+    const T half = broadcast<T>(std::numbers::pi), turn = broadcast<T>(2 * std::numbers::pi);
+    const T zero = broadcast<T>(0);
+    T &first = angles[0].value, &second = angles[1].value;
+    const T apart = second - first;
+    second = second - select(apart > half, turn, select(apart < -half, -turn, zero));
+    const T sum = first + second;
+    const T back = select(sum > turn, turn, select(sum < -turn, -turn, zero));
+    first = first - back;
+    second = second - back;
   }
 };
 
@@ -79,6 +98,7 @@ inline StencilCurvature<T, Stencil> stencil_curvature(const CurvatureMap<T, Sten
     const auto v = Stencil::hinge(j);
     out.angles[j] = dihedral_angle(x[v[0]], x[v[1]], x[v[2]], x[v[3]]);
   }
+  Stencil::choose_turns(out.angles);
   for (std::size_t k = 0; k < 3; ++k) {
     out.value[k] = map.r[k][0] * out.angles[0].value;
     for (std::size_t j = 1; j < Stencil::hinges; ++j)
