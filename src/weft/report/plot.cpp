@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -413,17 +414,31 @@ void check_series(const LinePlot& plot) {
   }
 }
 
+/// From where to where in px; nothing where it is not in the frame.
+std::optional<std::pair<double, double>> extent(const PlotRegion& region, const Frame& frame,
+                                                const Scale& x) {
+  const double left = std::max(frame.left, x.pixel(std::max(region.lower, x.lower)));
+  const double right = std::min(frame.right, x.pixel(std::min(region.upper, x.upper)));
+  if (right <= left) return std::nullopt;
+  return std::pair(left, right);
+}
+
 void draw_regions(Svg& svg, const LinePlot& plot, const Frame& frame, const Scale& x) {
-  for (const PlotRegion& region : plot.regions) {
-    const double left = std::max(frame.left, x.pixel(std::max(region.lower, x.lower)));
-    const double right = std::min(frame.right, x.pixel(std::min(region.upper, x.upper)));
-    if (right <= left) continue;
-    svg.rect(left, frame.top, right - left, frame.bottom - frame.top,
-             "class=\"region\" fill=\"#f1f3f6\"");
-    svg.text((left + right) / 2, frame.top + kTickSize + 3,
-             fmt::format("class=\"region-label\" text-anchor=\"middle\" {}", kSoftInk),
-             region.label);
-  }
+  for (const PlotRegion& region : plot.regions)
+    if (const auto at = extent(region, frame, x))
+      svg.rect(at->first, frame.top, at->second - at->first, frame.bottom - frame.top,
+               "class=\"region\" fill=\"#f1f3f6\"");
+}
+
+/// Over the lines of the grid.
+void draw_region_labels(Svg& svg, const LinePlot& plot, const Frame& frame, const Scale& x) {
+  for (const PlotRegion& region : plot.regions)
+    if (const auto at = extent(region, frame, x))
+      svg.text((at->first + at->second) / 2, frame.top + kTickSize + 3,
+               fmt::format("class=\"region-label\" text-anchor=\"middle\" {} stroke=\"#f1f3f6\" "
+                           "stroke-width=\"4\" paint-order=\"stroke\"",
+                           kSoftInk),
+               region.label);
 }
 
 void draw_levels(Svg& svg, const LinePlot& plot, const Frame& frame, const Scale& y) {
@@ -549,6 +564,7 @@ std::string to_svg(const LinePlot& plot, std::string_view id, double margin) {
   draw_regions(svg, plot, frame, x);
   draw_x_axis(svg, frame, x, plot.x, plot.x.categories.empty() ? Grid::lines : Grid::none, slant);
   draw_y_axis(svg, frame, y, plot.y, Grid::lines);
+  draw_region_labels(svg, plot, frame, x);
   draw_levels(svg, plot, frame, y);
   svg.open(fmt::format("clip-path=\"url(#{}-clip)\"", escape_xml(id)));
   for (std::size_t i = 0; i < plot.series.size(); ++i) {

@@ -30,6 +30,7 @@ const std::string_view report_css = R"css(
 }
 .weft-plot .grid { stroke: var(--plot-grid); }
 .weft-plot .region { fill: var(--plot-region); }
+.weft-plot .region-label { stroke: var(--plot-region); }
 * { box-sizing: border-box; }
 html { -webkit-text-size-adjust: 100%; scroll-behavior: smooth; }
 body { margin: 0; background: var(--ground); color: var(--ink);
