@@ -24,8 +24,9 @@
 /// beside its start, the same with 4 and 5 beside its end, the left cell over the diagonals 0-4 and
 /// 1-2. The first two count by their mean, which one of them alone must not turn over when it
 /// passes 180 degrees: the second is taken in the turn that is next to the first, then both in the
-/// one in which the mean is within (-pi, pi]. So C^2 is continuous, and C but where the mean itself
-/// passes 180 degrees.
+/// one in which the mean is within (-pi, pi]. So C^2 is continuous but where the two are half a
+/// turn apart, which bends of a sheet do not come near, and C jumps where the mean passes 180
+/// degrees.
 #include <numbers>
 
 #include "weft/strain/dihedral_angle.h"
