@@ -58,6 +58,7 @@ struct FitArguments {
   int coarse_frames = 1;
   int coarse_levels = 4;
   std::uint64_t seed = 1;
+  std::optional<std::uint64_t> start_seed;
   bool no_variability = false;
   bool variability_curves = false;
   bool overwrite = false;
@@ -89,6 +90,7 @@ FitOptions fit_options(const FitArguments& arguments, FitOptions options) {
   options.with_variability = !arguments.no_variability &&
                              (arguments.method == "annealing" || arguments.variability_curves);
   options.seed = arguments.seed;
+  options.start_seed = arguments.start_seed;
   options.threads = arguments.trial.threads();
   return options;
 }
@@ -103,6 +105,7 @@ AutoFitOptions auto_options(const FitArguments& arguments) {
   }
   options.least_squares.hops.rounds = arguments.hops;
   options.least_squares.seed = arguments.seed;
+  options.least_squares.start_seed = arguments.start_seed;
   options.least_squares.threads = arguments.trial.threads();
   return options;
 }
@@ -201,6 +204,9 @@ std::vector<std::pair<std::string, ReportValue>> settings(const FitArguments& ar
       {"start", arguments.start},
       {"iterations", static_cast<std::int64_t>(annealing.annealing.max_evaluations)},
       {"simplex", annealing.annealing.simplex_size}};
+  if (arguments.start == "random")
+    values.emplace_back("start seed",
+                        fmt::format("{}", arguments.start_seed.value_or(arguments.seed)));
   if (arguments.method == "auto")
     values.emplace_back("hops", static_cast<std::int64_t>(arguments.hops));
   if (arguments.method == "annealing") {
@@ -473,8 +479,8 @@ void run_fit(const FitArguments& arguments) {
 }
 
 const std::vector<std::string> kVideoFitOptions{
-    "--method",     "--coarse",  "--coarse-levels",  "--coarse-frames",     "--hops",
-    "--iterations", "--simplex", "--no-variability", "--variability-curves"};
+    "--method",     "--coarse",  "--coarse-levels", "--coarse-frames",  "--hops",
+    "--iterations", "--simplex", "--start-seed",    "--no-variability", "--variability-curves"};
 
 void run_mechanical(const FitArguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
@@ -613,6 +619,10 @@ void add_search_options(CLI::App& command, FitArguments& arguments) {
   command.add_option("--seed", arguments.seed, "of everything random")
       ->check(unsigned_integer())
       ->capture_default_str();
+  command
+      .add_option("--start-seed", arguments.start_seed,
+                  "of --start random alone (default: that of --seed)")
+      ->check(unsigned_integer());
   command.add_flag("--no-variability", arguments.no_variability,
                    "leave out the variability of the parameters");
   command.add_flag("--variability-curves", arguments.variability_curves,
@@ -629,6 +639,8 @@ void check_together(const CLI::App& command, const FitArguments& arguments) {
     throw Error("--iterations: 0, with --method annealing 1 to 10000000");
   if (arguments.method != "auto" && command.count("--hops") > 0)
     throw Error("--hops: only with --method auto");
+  if (arguments.start != "random" && command.count("--start-seed") > 0)
+    throw Error("--start-seed: only with --start random");
   if (arguments.no_variability && arguments.variability_curves)
     throw Error("--no-variability and --variability-curves exclude each other");
   if (command.count("--model") > 0 && command.count("--initial") > 0)

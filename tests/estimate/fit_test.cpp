@@ -101,6 +101,12 @@ TEST(RunFit, StartsWhereItIsTold) {
   options.start = FitOptions::Start::middle;
   const VecX middle = problem.scaled(run_fit(problem, options).start_fabric);
   EXPECT_LT((middle - VecX::Constant(5, 0.5)).norm(), 1e-9);
+  options.start = FitOptions::Start::random;
+  const VecX drawn = run_fit(problem, options).start_fabric.values;
+  options.start_seed = options.seed;
+  EXPECT_EQ(run_fit(problem, options).start_fabric.values, drawn);
+  options.start_seed = options.seed + 1;
+  EXPECT_NE(run_fit(problem, options).start_fabric.values, drawn);
 }
 
 // The paper's own protocol: the coarse search alone decides where annealing starts.

@@ -278,6 +278,29 @@ TEST_F(LinearizeTest, AFitIsTheSameForAnyThreadsAndGoesThroughTheStore) {
   EXPECT_GE(two.replayed, 5u);  // the middle and the screening, at least
 }
 
+// Does a fit depend on its start? Only what is asked about may change.
+TEST_F(LinearizeTest, TheSeedOfAStartMovesNothingElse) {
+  LeastSquaresFitOptions options = small_fit();
+  options.stages = {{0, 1, 1, 2, 1, 0}};
+  options.start = FitOptions::Start::random;
+  const auto screened = [&] {
+    std::vector<double> errors;
+    for (const FitStep& step : run_least_squares_fit(problem(), options).history)
+      if (step.phase == "screening") errors.push_back(step.error);
+    return errors;
+  };
+  const std::vector<double> drawn_alike = screened();
+  ASSERT_EQ(drawn_alike.size(), 5u);
+  options.start_seed = options.seed;
+  EXPECT_EQ(screened(), drawn_alike);
+  options.start_seed = 7;
+  std::vector<double> other_start = screened();
+  ASSERT_EQ(other_start.size(), 5u);
+  EXPECT_NE(other_start[0], drawn_alike[0]);
+  other_start[0] = drawn_alike[0];
+  EXPECT_EQ(other_start, drawn_alike);
+}
+
 // Neighbours of where few frames ended are compared on all of them; what is a tenth better is gone
 // on from, and nothing else is.
 TEST_F(LinearizeTest, ScatteredPointsThatTakeAnotherWayAreGoneOnFrom) {
@@ -293,6 +316,25 @@ TEST_F(LinearizeTest, ScatteredPointsThatTakeAnotherWayAreGoneOnFrom) {
   EXPECT_GE(scattered.evaluations, alone.evaluations + 16);
   options.stages[1].scatter = 0;  // the same point 16 times is not another way
   EXPECT_EQ(run_least_squares_fit(problem(), options).scaled, alone.scaled);
+}
+
+// Without the silhouette, too, there is something to go down by.
+TEST_F(LinearizeTest, AStageLeavesTheFoldsOutWhereTheSilhouetteCounts) {
+  LeastSquaresFitOptions options = small_fit();
+  options.screening_points = 0;
+  options.stages = {{0, 1, 2, 2, 1, 0}};
+  const auto end = [&](double alpha, double fold_weight) {
+    auto trial = std::make_shared<Trial>(*trial_);
+    trial->options.alpha = alpha;
+    options.stages[0].fold_weight = fold_weight;
+    return run_least_squares_fit(Problem({trial}, true_fabric(), problem().free()), options);
+  };
+  const FitResult with_folds = end(0.1, 1), without = end(0.1, 0);
+  EXPECT_NE(without.scaled, with_folds.scaled);
+  EXPECT_LT(without.final.silhouette, 0.8 * without.initial.silhouette);
+  // Its cost knows no weight: another alpha is the same way down.
+  EXPECT_LT((end(0.3, 0).scaled - without.scaled).norm(), 1e-6);
+  EXPECT_EQ(end(0, 0).scaled, end(0, 1).scaled);
 }
 
 TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
@@ -364,6 +406,8 @@ TEST_F(LinearizeTest, AFitRejectsBadOptions) {
                             +[](LeastSquaresFitOptions& o) { o.stages[0].survivors = 0; },
                             +[](LeastSquaresFitOptions& o) { o.stages[0].frames = -1; },
                             +[](LeastSquaresFitOptions& o) { o.stages[0].pull = -1; },
+                            +[](LeastSquaresFitOptions& o) { o.stages[0].fold_weight = -1; },
+                            +[](LeastSquaresFitOptions& o) { o.stages[0].fold_weight = NAN; },
                             +[](LeastSquaresFitOptions& o) { o.stages[1].scattered = -1; },
                             +[](LeastSquaresFitOptions& o) { o.stages[1].scatter = 1.1; },
                             +[](LeastSquaresFitOptions& o) { o.screening_parameters = {"bend"}; },

@@ -121,7 +121,7 @@ class Fit {
         return scaled.cwiseMax(0).cwiseMin(1);
       }
       case FitOptions::Start::random: {
-        Rng rng(options_.seed, 1);
+        Rng rng(options_.start_seed.value_or(options_.seed), 1);
         VecX scaled(problem_.dimension());
         for (double& coordinate : scaled) coordinate = rng.uniform();
         return scaled;

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,7 +27,7 @@ struct FitOptions {
   /// Where the parameters that the coarse search leaves alone start.
   enum class Start {
     middle,   ///< of their ranges (scaled 0.5)
-    random,   ///< uniform in their scaled ranges, from the seed (the paper's way)
+    random,   ///< uniform in their scaled ranges, from start_seed (the paper's way)
     initial,  ///< the problem's initial fabric
   } start = Start::middle;
   AnnealingOptions annealing;  ///< its seed and threads are overwritten by the ones below
@@ -36,6 +37,7 @@ struct FitOptions {
   bool with_variability = true;
   VariabilityOptions variability;  ///< its threads are overwritten
   std::uint64_t seed = 1;
+  std::optional<std::uint64_t> start_seed;  ///< of Start::random; none: seed
   int threads = 0;  ///< 0: all cores; the result does not depend on it
 };
 

@@ -69,6 +69,8 @@ class LeastSquaresFit {
       if (stage.frames < 0) throw Error("frames of a stage must not be negative");
       if (!(stage.pull >= 0)) throw Error("the pull of a stage must not be negative");
       if (stage.survivors < 1) throw Error("a stage needs at least one survivor");
+      if (!(stage.fold_weight >= 0))
+        throw Error("the folds' weight of a stage must not be negative");
       if (stage.scattered < 0) throw Error("scattered points of a stage must not be negative");
       if (!(stage.scatter >= 0 && stage.scatter <= 1))
         throw Error(
@@ -167,7 +169,7 @@ class LeastSquaresFit {
   VecX first_guess() const {
     VecX scaled = reference();
     if (options_.start == FitOptions::Start::random) {
-      Rng rng(options_.seed, 1);
+      Rng rng(options_.start_seed.value_or(options_.seed), 1);
       for (double& coordinate : scaled) coordinate = rng.uniform();
     }
     return scaled;
@@ -245,12 +247,19 @@ class LeastSquaresFit {
     return true;
   }
 
+  /// In each trial.
+  bool silhouettes_count() const {
+    return std::ranges::all_of(problem_->trials(),
+                               [](const auto& trial) { return trial->options.alpha > 0; });
+  }
+
   LinearizationOptions linearization_of(const FitStage& stage) const {
     LinearizationOptions options = options_.linearization;
     options.frame_count = stage.frames;
     options.residual.silhouette_sigma = stage.silhouette_sigma;
     options.residual.fold_scale = stage.fold_scale;
     options.residual.phase_weight = stage.phase_weight;
+    options.residual.fold_weight = silhouettes_count() ? stage.fold_weight : 1;
     options.threads = options_.threads;
     return options;
   }
@@ -269,7 +278,8 @@ class LeastSquaresFit {
     keep_other_ways(descended, candidates);
     keep_best(stage.survivors, candidates);
     const std::vector<Descent> descents = descend(stage, phase_of(stage), candidates);
-    if (&stage == &options_.stages.back() && descents.front().end.size() > 0) {
+    if (stage.frames == 0 && !on_all_frames_ && descents.front().end.size() > 0) {
+      on_all_frames_ = true;
       result_.start_fabric = problem_->fabric(candidates.front().scaled);
       result_.start = descents.front().start;
     }
@@ -497,6 +507,7 @@ class LeastSquaresFit {
   double phase_best_ = kInfinity;
   std::size_t phase_done_ = 0, announced_ = 0;
   std::atomic<bool> stopped_ = false;
+  bool on_all_frames_ = false;  // a stage has started there
   double best_error_ = kInfinity;
   double prior_weight_ = 0;
   FitResult result_;

@@ -1,4 +1,7 @@
 #pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "weft/estimate/fit.h"
@@ -19,6 +22,9 @@ struct FitStage {
   /// fetch it back.
   double pull = 0.05;
   double phase_weight = 0;  ///< of the stripes' phase (ResidualOptions)
+  /// Of the folds (ResidualOptions); 0: the silhouette alone, whose way down is smoother and ends
+  /// lower, folds included. 1 where a trial's alpha is 0.
+  double fold_weight = 1;
   /// Points that are drawn about the candidates in turn, before the first frames of the stage are
   /// compared, each coordinate by up to `scatter` of its range: in a motion that snaps from one
   /// shape to another neighbours take different ways, and what fewer frames say does not tell
@@ -48,27 +54,31 @@ struct LeastSquaresFitOptions {
   std::vector<std::string> screening_parameters{"bend_stiffness", "stretch_stiffness",
                                                 "shear_stiffness"};
   std::vector<FitStage> stages{
-      {10, 4, 5, 6, 1, 0.05}, {25, 2, 6, 4, 1, 0.05}, {0, 2, 8, 3, 1, 0.05, 0, 24}};
+      {.frames = 10, .survivors = 4, .max_iterations = 5, .silhouette_sigma = 6, .fold_weight = 0},
+      {.frames = 25, .survivors = 2, .max_iterations = 6, .silhouette_sigma = 4, .fold_weight = 0},
+      {.survivors = 2, .max_iterations = 8, .fold_weight = 0, .scattered = 24},
+      {.survivors = 1, .max_iterations = 8}};
   HopOptions hops;  ///< with the losses and the pull of the last stage
   FitOptions::Start start = FitOptions::Start::middle;
   LeastSquaresOptions solver;          ///< its max_iterations is that of the stage
   LinearizationOptions linearization;  ///< its frames, losses and threads are overwritten
   std::uint64_t seed = 1;
-  int threads = 0;  ///< 0: all cores; the result does not depend on it
+  std::optional<std::uint64_t> start_seed;  ///< of Start::random; none: seed
+  int threads = 0;                          ///< 0: all cores; the result does not depend on it
 };
 
 /// Fits the free parameters of `problem` by least squares through the derivatives of the motion,
 /// from coarse to fine: screening on a few frames, then LevenbergMarquardt stage by stage over more
 /// frames and narrower losses, then from points about its end. The estimate is the point with the
 /// smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all frames.
-/// FitResult::start is where the last stage started (FitResult::initial if it was stopped before);
-/// there are no variability curves. Before each stage the best candidate, and those that have the
-/// same starts, are given those that suit it (with_starts_for), and again after the last, which is
-/// gone through again if they are others. Of the candidates that go on to a stage one at least has
-/// the starts that were given, unless only one goes on. FitResult::compared has the starts of the
-/// estimate. Full evaluations are added to `store`, and those that are not part of a linearization
-/// are replayed from it. Deterministic for a seed, whatever the number of threads. Throws Error for
-/// options out of range and for a problem with an evaluator of its own.
+/// FitResult::start is where the first stage on all frames started (FitResult::initial if it did
+/// not come to that); there are no variability curves. Before each stage the best candidate, and
+/// those that have the same starts, are given those that suit it (with_starts_for), and again after
+/// the last, which is gone through again if they are others. Of the candidates that go on to a
+/// stage one at least has the starts that were given, unless only one goes on. FitResult::compared
+/// has the starts of the estimate. Full evaluations are added to `store`, and those that are not
+/// part of a linearization are replayed from it. Deterministic for a seed, whatever the number of
+/// threads. Throws Error for options out of range and for a problem with an evaluator of its own.
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},
                                 EvaluationStore* store = nullptr, const FitObserver& observer = {});
 

@@ -59,14 +59,19 @@ struct EdgeStencil {
   template <class T>
   static void choose_turns(std::array<DihedralAngle<T>, hinges>& angles) {
     const T half = broadcast<T>(std::numbers::pi), turn = broadcast<T>(2 * std::numbers::pi);
-    const T zero = broadcast<T>(0);
     T &first = angles[0].value, &second = angles[1].value;
-    const T apart = second - first;
-    second = second - select(apart > half, turn, select(apart < -half, -turn, zero));
-    const T sum = first + second;
-    const T back = select(sum > turn, turn, select(sum < -turn, -turn, zero));
+    second = second - turn_beyond(second - first, half);
+    const T back = turn_beyond(first + second, turn);
     first = first - back;
     second = second - back;
+  }
+
+ private:
+  /// A turn with the sign of `angle`, where that is beyond `bound` to either side; else zero.
+  template <class T>
+  static T turn_beyond(const T& angle, const T& bound) {
+    const T turn = broadcast<T>(2 * std::numbers::pi);
+    return select(angle > bound, turn, select(angle < -bound, -turn, broadcast<T>(0)));
   }
 };
 
