@@ -38,7 +38,7 @@ struct FitOptions {
   VariabilityOptions variability;  ///< its threads are overwritten
   std::uint64_t seed = 1;
   std::optional<std::uint64_t> start_seed;  ///< of Start::random; none: seed
-  int threads = 0;  ///< 0: all cores; the result does not depend on it
+  int threads = 0;                          ///< 0: all cores; the result does not depend on it
 };
 
 /// One evaluation of the search, in the order in which the search made it.
