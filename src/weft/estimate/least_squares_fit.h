@@ -22,8 +22,9 @@ struct FitStage {
   /// fetch it back.
   double pull = 0.05;
   double phase_weight = 0;  ///< of the stripes' phase (ResidualOptions)
-  /// Of the folds (ResidualOptions); 0: the silhouette alone, whose way down is smoother and ends
-  /// lower, folds included. 1 where a trial's alpha is 0.
+  /// Of the folds (ResidualOptions); 0: the silhouette alone, whose way down is smoother. A model
+  /// that cannot fold as the cloth does ends lower that way, one that can ends higher. 1 where a
+  /// trial's alpha is 0.
   double fold_weight = 1;
   /// Points that are drawn about the candidates in turn, before the first frames of the stage are
   /// compared, each coordinate by up to `scatter` of its range: in a motion that snaps from one
@@ -54,10 +55,9 @@ struct LeastSquaresFitOptions {
   std::vector<std::string> screening_parameters{"bend_stiffness", "stretch_stiffness",
                                                 "shear_stiffness"};
   std::vector<FitStage> stages{
-      {.frames = 10, .survivors = 4, .max_iterations = 5, .silhouette_sigma = 6, .fold_weight = 0},
-      {.frames = 25, .survivors = 2, .max_iterations = 6, .silhouette_sigma = 4, .fold_weight = 0},
-      {.survivors = 2, .max_iterations = 8, .fold_weight = 0, .scattered = 24},
-      {.survivors = 1, .max_iterations = 8}};
+      {.frames = 10, .survivors = 4, .max_iterations = 5, .silhouette_sigma = 6},
+      {.frames = 25, .survivors = 2, .max_iterations = 6, .silhouette_sigma = 4},
+      {.survivors = 2, .max_iterations = 8, .scattered = 24}};
   HopOptions hops;  ///< with the losses and the pull of the last stage
   FitOptions::Start start = FitOptions::Start::middle;
   LeastSquaresOptions solver;          ///< its max_iterations is that of the stage
