@@ -278,8 +278,7 @@ class LeastSquaresFit {
     keep_other_ways(descended, candidates);
     keep_best(stage.survivors, candidates);
     const std::vector<Descent> descents = descend(stage, phase_of(stage), candidates);
-    if (stage.frames == 0 && !on_all_frames_ && descents.front().end.size() > 0) {
-      on_all_frames_ = true;
+    if (&stage == &options_.stages.back() && descents.front().end.size() > 0) {
       result_.start_fabric = problem_->fabric(candidates.front().scaled);
       result_.start = descents.front().start;
     }
@@ -507,7 +506,6 @@ class LeastSquaresFit {
   double phase_best_ = kInfinity;
   std::size_t phase_done_ = 0, announced_ = 0;
   std::atomic<bool> stopped_ = false;
-  bool on_all_frames_ = false;  // a stage has started there
   double best_error_ = kInfinity;
   double prior_weight_ = 0;
   FitResult result_;

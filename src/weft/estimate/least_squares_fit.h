@@ -71,14 +71,14 @@ struct LeastSquaresFitOptions {
 /// from coarse to fine: screening on a few frames, then LevenbergMarquardt stage by stage over more
 /// frames and narrower losses, then from points about its end. The estimate is the point with the
 /// smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all frames.
-/// FitResult::start is where the first stage on all frames started (FitResult::initial if it did
-/// not come to that); there are no variability curves. Before each stage the best candidate, and
-/// those that have the same starts, are given those that suit it (with_starts_for), and again after
-/// the last, which is gone through again if they are others. Of the candidates that go on to a
-/// stage one at least has the starts that were given, unless only one goes on. FitResult::compared
-/// has the starts of the estimate. Full evaluations are added to `store`, and those that are not
-/// part of a linearization are replayed from it. Deterministic for a seed, whatever the number of
-/// threads. Throws Error for options out of range and for a problem with an evaluator of its own.
+/// FitResult::start is where the last stage started (FitResult::initial if it was stopped before);
+/// there are no variability curves. Before each stage the best candidate, and those that have the
+/// same starts, are given those that suit it (with_starts_for), and again after the last, which is
+/// gone through again if they are others. Of the candidates that go on to a stage one at least has
+/// the starts that were given, unless only one goes on. FitResult::compared has the starts of the
+/// estimate. Full evaluations are added to `store`, and those that are not part of a linearization
+/// are replayed from it. Deterministic for a seed, whatever the number of threads. Throws Error for
+/// options out of range and for a problem with an evaluator of its own.
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},
                                 EvaluationStore* store = nullptr, const FitObserver& observer = {});
 
