@@ -334,7 +334,7 @@ void bound(const Arguments& arguments, const std::string& name) {
   problem.weigh_by(problem.force_weights(at));
   const QuadraticModel model = problem.linearize(at).model;
   // The cost is the mean of the squares.
-  const auto count = static_cast<double>(problem.residual_count());
+  const double count = problem.residual_count();
   const MatX covariance =
       2 / count * solve_symmetric(model.hessian, MatX::Identity(at.size(), at.size()));
   const auto frames =

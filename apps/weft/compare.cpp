@@ -107,7 +107,7 @@ void run_compare(const CompareArguments& arguments) {
 
 void add_compare(CLI::App& app) {
   auto* command = add_command(
-      app, "compare", "fabrics side by side on some captures; keeps the one with the smallest sum");
+      app, "compare", "fabrics side by side on some videos; keeps the one with the smallest sum");
   auto arguments = std::make_shared<CompareArguments>();
   command->add_option("captures", arguments->captures, "capture folders, such as two trials")
       ->required();

@@ -12,6 +12,7 @@
 #include "mechanical_beside.h"
 #include "scan.h"
 #include "weft/base/error.h"
+#include "weft/estimate/variability.h"
 
 namespace weft::app {
 namespace {
@@ -82,6 +83,31 @@ void check_error(const EstimateOfFit& e, const std::filesystem::path& folder,
                           again.with));
 }
 
+namespace {
+
+/// Priors balance the data where they pull, so that the sum of both slopes is zero, but for a
+/// parameter that a bound holds.
+VecX slope_at(const EstimateOfFit& e, const std::filesystem::path& folder) {
+  const Eigen::Index n = e.scaled.size();
+  const VecX prior = e.priors.empty() ? VecX::Zero(n) : e.priors.term(e.scaled, n).gradient;
+  const ReportCertainty& certainty = *e.report.certainty;
+  VecX slope = -prior;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const bool lower = e.scaled[i]<at_bound_distance, upper = e.scaled[i]> 1 - at_bound_distance;
+    if (!lower && !upper) continue;
+    if (certainty.slope.size() != n)
+      throw Error(
+          fmt::format("{}: certainty: \"slope\" is missing, which tells how hard {} is held "
+                      "at its bound; fit again with this version",
+                      file_of(folder), e.info(static_cast<std::size_t>(i)).name));
+    const double data = certainty.slope[i] / certainty.overdispersion.value_or(1);
+    if (lower ? data + prior[i] > 0 : data + prior[i] < 0) slope[i] = data;
+  }
+  return slope;
+}
+
+}  // namespace
+
 EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder) {
   EstimateOfFit e;
   e.report = read_result(folder / "result.json");
@@ -105,9 +131,7 @@ EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder) {
   e.priors = WeighedPriors(
       priors_in(e.report, e.fabric), static_cast<int>(n), [&](const VecX& x) { return e.at(x); },
       1);
-  e.slope = VecX::Zero(n);
-  if (!e.priors.empty())
-    e.slope = -e.priors.term(e.scaled, n).gradient;  // the sum of both is zero there
+  e.slope = slope_at(e, folder);
   return e;
 }
 

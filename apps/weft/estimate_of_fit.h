@@ -25,7 +25,7 @@ struct EstimateOfFit {
   /// Fisher's, of the data, as their residuals scatter; scaled coordinates.
   MatX information;
   /// Of minus the logarithm of the likelihood, by the scaled coordinates: where priors pull the
-  /// estimate from the data's own it is not zero.
+  /// estimate from the data's own, or a bound holds a parameter, it is not zero.
   VecX slope;
   double dispersion = 0;  ///< the unit of minus the logarithm of the likelihood, of the error
   WeighedPriors priors;   ///< in that unit

@@ -132,6 +132,7 @@ void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
   certainty.correlation = uncertainty.correlation;
   certainty.covariance = uncertainty.covariance;
   certainty.information = uncertainty.information;
+  certainty.slope = uncertainty.slope;
   for (ReportParameter& p : report.parameters) {
     for (const ParameterInterval& interval : uncertainty.parameters) {
       if (interval.name != p.name) continue;
@@ -146,14 +147,18 @@ void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
 /// From the derivatives at the estimate.
 void add_variability(const Problem& problem, const FitResult& fit,
                      const std::vector<CostPart>& frames, Report& report) {
-  MatX hessian = frames.front().hessian;
-  for (std::size_t k = 1; k < frames.size(); ++k) hessian += frames[k].hessian;
-  const VecX percent = variability_from_derivatives(problem, fit.scaled, fit.final.error, hessian);
+  QuadraticModel model{fit.final.error, frames.front().gradient, frames.front().hessian};
+  for (std::size_t k = 1; k < frames.size(); ++k) {
+    model.gradient += frames[k].gradient;
+    model.hessian += frames[k].hessian;
+  }
+  const VecX percent = variability_from_derivatives(problem, fit.scaled, fit.final.error, model);
   for (ReportParameter& p : report.parameters) {
     const int i = problem.index_of(p.name);
     if (i < 0) continue;
     p.variability_percent = percent[i];
-    p.determined = p.determined && percent[i] <= kLargestVariability;
+    // The error is the video's: of tests beside it the interval alone knows.
+    if (!problem.other().cost) p.determined = p.determined && percent[i] <= kLargestVariability;
   }
 }
 
@@ -279,6 +284,7 @@ MechanicalFitArguments tests_of(const FitArguments& arguments) {
   tests.out = arguments.out;
   tests.threads = arguments.trial.threads();
   tests.options = arguments.mechanical.options();
+  tests.overwrite = arguments.overwrite;
   return tests;
 }
 
@@ -363,13 +369,6 @@ FitInput read_input(const FitArguments& arguments) {
   return input;
 }
 
-void prepare_folder(const FitArguments& arguments) {
-  std::vector<std::string> stores{kStoreName};
-  if (!arguments.tests.empty()) stores.emplace_back(kMechanicalStoreName);
-  prepare_fit_folder(arguments.out, stores,
-                     arguments.overwrite ? Existing::overwrite : Existing::refuse);
-}
-
 FitResult search(const FitArguments& arguments, const Problem& problem) {
   EvaluationStore store = open_store(arguments.out, problem);
   PhaseProgress progress;
@@ -435,12 +434,15 @@ void run_fit(const FitArguments& arguments) {
   const InterruptGuard guard;
   const std::filesystem::path out = arguments.out;
   const FitInput input = read_input(arguments);
-  prepare_folder(arguments);
+  std::vector<std::string> stores{kStoreName};
+  if (!arguments.tests.empty()) stores.emplace_back(kMechanicalStoreName);
+  prepare_fit_folder(out, stores, arguments.overwrite ? Existing::overwrite : Existing::refuse);
   const auto trials = arguments.trial.prepare(input.captures, TrialArguments::Frames::fit);
   std::optional<MechanicalBeside> tests;
   if (!arguments.tests.empty()) tests.emplace(tests_of(arguments), input.initial, input.free);
   const Problem problem(trials, tests ? tests->fabric() : input.initial, input.free, {},
                         input.priors, tests ? tests->data() : OtherData{});
+  if (arguments.overwrite) remove_earlier_fit(out, {kStoreName});
   const FitResult fit = search(arguments, problem);
   write_fabric(out / "fabric.toml", fit.fabric);
   write_starts(out, fit.compared);
@@ -495,6 +497,9 @@ void run_mechanical(const FitArguments& arguments, const CLI::App& command) {
   fit.parameters = arguments.parameters;
   fit.seed = arguments.seed;
   fit.overwrite = arguments.overwrite;
+  refuse_without(command, "--subdivide", {"--points"});
+  if (arguments.start != "random" && command.count("--seed") > 0)
+    throw Error("--seed: of mechanical captures only with --start random");
   if (CurveFitArguments::given(command)) fit.curves = arguments.curves.options();
   run_mechanical_fit(fit);
 }
@@ -556,6 +561,7 @@ void run_by_kind(FitArguments& arguments, const CLI::App& command) {
     if (arguments.method != "auto")
       throw Error("--method: annealing takes no mechanical captures; use auto");
   }
+  if (arguments.method == "auto") arguments.trial.need_derivatives("--method auto");
   if (arguments.coarse == std::vector<std::string>{"none"}) arguments.coarse.clear();
   run_fit(arguments);
 }
@@ -643,6 +649,9 @@ void check_together(const CLI::App& command, const FitArguments& arguments) {
     throw Error("--start-seed: only with --start random");
   if (arguments.no_variability && arguments.variability_curves)
     throw Error("--no-variability and --variability-curves exclude each other");
+  if (arguments.method == "auto" && command.count("--simplex") > 0 &&
+      arguments.iterations.value_or(0) == 0)
+    throw Error("--simplex: of the annealing; with --method auto only with --iterations");
   if (command.count("--model") > 0 && command.count("--initial") > 0)
     throw Error("--model: the fabric of --initial says which");
 }

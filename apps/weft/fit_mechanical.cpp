@@ -201,14 +201,13 @@ CurveFitResult search(const MechanicalFitArguments& arguments,
     options.threads = arguments.threads;
     const Fabric start = placed(all, initial, arguments);
     const std::vector<std::string> rows = free_rows(arguments, initial);
-    options.store =
-        open_mechanical_store(arguments.out, fit_fingerprint(trials, start, rows, options));
+    options.store = open_mechanical_store(arguments, fit_fingerprint(trials, start, rows, options));
     result = fit_curves(trials, start, rows, options, observer);
   } else {
     result.free = free_parameters(arguments, initial);
     MechanicalProblem problem(trials, initial, result.free, cost, arguments.threads);
     const Fabric start = placed(problem, initial, arguments);
-    problem.keep_in(open_mechanical_store(arguments.out, fit_fingerprint(problem, start, fit)));
+    problem.keep_in(open_mechanical_store(arguments, fit_fingerprint(problem, start, fit)));
     result.fit = fit_mechanical(
         problem, start, fit, [&](const MechanicalFitStep& step) { return observer("all", step); });
   }

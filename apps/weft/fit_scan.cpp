@@ -259,6 +259,7 @@ void run_scan_fit(const ScanFitArguments& arguments) {
       arguments.threads);
   prepare_fit_folder(out, {kScanStoreName},
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  if (arguments.overwrite) remove_earlier_fit(out, {kScanStoreName});
   problem.keep_in(std::make_shared<NumberStore>(out / kScanStoreName, problem.fingerprint()));
   Progress progress("least squares", 0);
   const ScanFitResult fit = fit_scan(problem, initial, options, [&](const ScanFitStep& step) {

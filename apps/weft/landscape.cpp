@@ -87,8 +87,8 @@ void run_landscape(LandscapeArguments arguments) {
 }  // namespace
 
 void add_landscape(CLI::App& app) {
-  auto* command =
-      add_command(app, "landscape", "the error over two parameters, or along one, as a picture");
+  auto* command = add_command(
+      app, "landscape", "the error of a video over two parameters, or along one, as a picture");
   auto arguments = std::make_shared<LandscapeArguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--fabric", arguments->fabric, "the other parameters: preset or fabric.toml")

@@ -50,8 +50,8 @@ void check_command(const CLI::App& app, int argc, char** argv) {
 
 int run(int argc, char** argv) {
   CLI::App app(
-      "weft estimates the parameters of a cloth simulator from video of a swatch under "
-      "projected stripes");
+      "weft estimates the parameters of a cloth simulator from measurements of a fabric: video of "
+      "a swatch under projected stripes, forces and shapes of mechanical tests, 3D scans");
   app.set_version_flag("--version", WEFT_VERSION);
   app.require_subcommand(1);
   app.footer("weft COMMAND --help shows the arguments of a command and an example.");

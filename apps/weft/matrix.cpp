@@ -70,7 +70,7 @@ void run_matrix(const MatrixArguments& arguments) {
 }  // namespace
 
 void add_matrix(CLI::App& app) {
-  auto* command = add_command(app, "matrix", "every fabric against every capture");
+  auto* command = add_command(app, "matrix", "every fabric against every video");
   auto arguments = std::make_shared<MatrixArguments>();
   command->add_option("captures", arguments->captures, "capture folders")->required();
   command->add_option("--fabrics", arguments->fabrics, "presets or fabric.toml files")->required();

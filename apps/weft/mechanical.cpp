@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "report_of_fit.h"
 #include "weft/base/error.h"
 
 namespace weft::app {
@@ -72,8 +73,10 @@ nlohmann::json overhang_json(const OverhangDifference& overhang) {
 
 }  // namespace
 
-std::shared_ptr<MechanicalStore> open_mechanical_store(const std::filesystem::path& out,
+std::shared_ptr<MechanicalStore> open_mechanical_store(const MechanicalFitArguments& arguments,
                                                        const std::string& fingerprint) {
+  const std::filesystem::path out = arguments.out;
+  if (arguments.overwrite) remove_earlier_fit(out, {kMechanicalStoreName});
   return std::make_shared<MechanicalStore>(out / kMechanicalStoreName,
                                            fmt::format("{} by " WEFT_VERSION, fingerprint));
 }

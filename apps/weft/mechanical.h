@@ -84,9 +84,10 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments);
 
 /// In the output folder, what a fit that takes mechanical captures continues from.
 inline constexpr const char* kMechanicalStoreName = "mechanical_evaluations.sqlite";
-/// Opens it for a fit of this fit_fingerprint(), as this version of the program makes it. Throws
-/// Error if it holds evaluations of another.
-std::shared_ptr<MechanicalStore> open_mechanical_store(const std::filesystem::path& out,
+/// Opens it for a fit of this fit_fingerprint(), as this version of the program makes it, in the
+/// place of an earlier fit where that is to be overwritten. Throws Error if it holds evaluations of
+/// another.
+std::shared_ptr<MechanicalStore> open_mechanical_store(const MechanicalFitArguments& arguments,
                                                        const std::string& fingerprint);
 
 }  // namespace weft::app

@@ -17,7 +17,7 @@ MechanicalBeside::MechanicalBeside(const MechanicalFitArguments& arguments, cons
     trials_.push_back(prepare_mechanical(captures_.back(), arguments.options));
   }
   MechanicalProblem problem(trials_, initial, free, cost_options(arguments), threads_);
-  problem.keep_in(open_mechanical_store(arguments.out, fit_fingerprint(problem, initial)));
+  problem.keep_in(open_mechanical_store(arguments, fit_fingerprint(problem, initial)));
   problem_ = std::make_shared<MechanicalProblem>(std::move(problem));
   Progress progress("mechanical tests alone", 0);
   alone_ = fit_mechanical(*problem_, initial, {}, [&](const MechanicalFitStep& step) {

@@ -23,9 +23,10 @@ void TrialArguments::add_to(CLI::App& command) {
   command.add_option("--grid", grid_, "vertices along each side of the simulated swatch")
       ->check(CLI::Range(3, 401))
       ->capture_default_str();
-  command.add_option("--steps-per-frame", steps_, "time steps of an implicit integrator")
-      ->check(CLI::Range(1, 10000))
-      ->capture_default_str();
+  steps_option_ =
+      command.add_option("--steps-per-frame", steps_, "time steps of an implicit integrator")
+          ->check(CLI::Range(1, 10000))
+          ->capture_default_str();
   command.add_option("--integrator", integrator_, "bdf2, newmark, implicit-euler or runge-kutta")
       ->check(CLI::IsMember({"bdf2", "newmark", "implicit-euler", "runge-kutta"}))
       ->capture_default_str();
@@ -134,7 +135,18 @@ TrialOptions TrialArguments::options() const {
   options.angle_map.mask_threshold = mask_threshold_;
   options.simulation.integrator = integrator_from_name(integrator_);
   options.simulation.steps_per_frame = steps_;
+  if (options.simulation.integrator == Integrator::runge_kutta && steps_option_ &&
+      steps_option_->count() > 0)
+    throw Error("--steps-per-frame: runge-kutta chooses its own steps");
   return options;
+}
+
+void TrialArguments::need_derivatives(const std::string& what) const {
+  if (integrator_from_name(integrator_) == Integrator::runge_kutta)
+    throw Error(
+        fmt::format("--integrator: runge-kutta has no derivatives, which {} needs; take "
+                    "bdf2, newmark or implicit-euler",
+                    what));
 }
 
 void refuse_twice(const std::vector<std::string>& folders) {

@@ -21,6 +21,8 @@ class TrialArguments {
   void add_starts_to(CLI::App& command);
   /// Throws Error for values outside their ranges.
   TrialOptions options() const;
+  /// Throws Error for an integrator without derivatives, which `what` needs.
+  void need_derivatives(const std::string& what) const;
   int threads() const { return threads_; }
   /// Which frames of a capture are compared.
   enum class Frames { fit, from_fit_to_end };
@@ -45,6 +47,7 @@ class TrialArguments {
 
   int grid_ = 41;
   int steps_ = 4;
+  const CLI::Option* steps_option_ = nullptr;
   std::string integrator_ = "bdf2";
   double alpha_ = 0.1;
   double mask_threshold_ = AngleMapOptions().mask_threshold;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -51,6 +52,16 @@ ReportParameter::Scale report_scale(Scale scale) {
   return ReportParameter::Scale::linear;
 }
 
+/// What the fit held.
+std::map<std::string, double> values_beside(const Fabric& fabric,
+                                            const std::vector<std::string>& searched) {
+  std::map<std::string, double> values;
+  for (const std::string& name : fabric.value_names())
+    if (std::find(searched.begin(), searched.end(), name) == searched.end())
+      values[name] = fabric.value(name);
+  return values;
+}
+
 /// Corrected by the evaluations of a fit to video; those of fits at rest are kept by what they
 /// started from, not by their parameters.
 LikelihoodSurrogate surrogate_of(const EstimateOfFit& e, const std::filesystem::path& folder) {
@@ -60,7 +71,9 @@ LikelihoodSurrogate surrogate_of(const EstimateOfFit& e, const std::filesystem::
     if (e.problem.empty())
       throw Error(fmt::format("{}: \"problem\" is missing; fit again with this version",
                               (folder / "result.json").string()));
-    for (const StoredPoint& stored : read_evaluations(store, e.problem, parameter_names(e))) {
+    const std::vector<std::string> names = parameter_names(e);
+    for (const StoredPoint& stored :
+         read_evaluations(store, e.problem, names, values_beside(e.fabric, names))) {
       LikelihoodPoint point{VecX(stored.values.size()),
                             (stored.error - e.report.error) / e.dispersion};
       for (Eigen::Index i = 0; i < point.x.size(); ++i)
@@ -254,7 +267,12 @@ void add_posterior(CLI::App& app) {
   command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   arguments->trial.add_to(*command);
   command->footer("Example:\n  weft posterior out/cotton --steps 5000");
-  command->callback([arguments] { run_posterior(*arguments); });
+  command->callback([arguments, command] {
+    refuse_without(*command, "--true-cost",
+                   {"--grid", "--steps-per-frame", "--integrator", "--alpha", "--fold-threshold",
+                    "--cache", "--threads"});
+    run_posterior(*arguments);
+  });
 }
 
 }  // namespace weft::app

@@ -195,6 +195,7 @@ void run_profile(const ProfileArguments& arguments, const CLI::App& command) {
   const InterruptGuard guard;
   const CaptureKind kind = kind_of(arguments.captures);
   check_options(command, kind);
+  if (kind == CaptureKind::video) arguments.trial.need_derivatives("weft profile");
   const Fabric fabric = find_fabric(arguments.fabric);
   check_names(arguments, kind, fabric);
   const std::filesystem::path out = arguments.out;

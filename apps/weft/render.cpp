@@ -97,7 +97,12 @@ void add_render(CLI::App& app) {
   arguments->trial.add_start_to(*command);
   command->footer(
       "Example:\n  weft render data/captures/cotton_waving_A --fabric satin --out out/frames");
-  command->callback([arguments] { run_render(*arguments); });
+  command->callback([arguments, command] {
+    refuse_beside(*command, "--points",
+                  {"--grid", "--steps-per-frame", "--integrator", "--alpha", "--fold-threshold",
+                   "--cache", "--start-surface", "--threads"});
+    run_render(*arguments);
+  });
 }
 
 }  // namespace weft::app

@@ -158,6 +158,7 @@ std::optional<ReportCertainty> report_certainty(const ResidualCertainty& certain
   report.correlation = certainty.correlation;
   report.covariance = certainty.covariance;
   report.information = certainty.information;
+  report.slope = certainty.slope;
   return report;
 }
 
@@ -291,13 +292,13 @@ bool holds_stopped_fit(const std::filesystem::path& out, const std::vector<std::
 
 void prepare_fit_folder(const std::filesystem::path& out, const std::vector<std::string>& stores,
                         Existing existing) {
-  if (existing == Existing::refuse) {
-    std::vector<std::string> results;
-    if (!holds_stopped_fit(out, stores)) results.emplace_back("result.json");
-    prepare_output_folder(out, results, existing);
-    return;
-  }
-  prepare_output_folder(out, {}, existing);
+  std::vector<std::string> results;
+  if (existing == Existing::refuse && !holds_stopped_fit(out, stores))
+    results.emplace_back("result.json");
+  prepare_output_folder(out, results, existing);
+}
+
+void remove_earlier_fit(const std::filesystem::path& out, const std::vector<std::string>& stores) {
   // SQLite would read a log that a killed run left into the new store.
   for (const std::string name : {"result.json", "fabric.toml", "report.html"}) {
     std::filesystem::remove(out / name);

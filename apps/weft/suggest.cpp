@@ -37,6 +37,7 @@ struct SuggestArguments {
   int threads = 0;
   bool json = false;
   std::string out;
+  bool overwrite = false;
 };
 
 struct Known {
@@ -237,7 +238,16 @@ BarChart chart_of(const std::vector<Suggestion>& suggestions) {
   return chart;
 }
 
-void run_suggest(SuggestArguments& arguments) {
+/// Throws Error for options of videos where no candidate is one.
+void check_candidates(const CLI::App& command, const std::vector<Candidate>& candidates) {
+  const bool videos = std::any_of(candidates.begin(), candidates.end(), [](const Candidate& c) {
+    return std::holds_alternative<CandidateExperiment>(c);
+  });
+  if (!videos) refuse_options(command, {"--noise", "--grid"}, "mechanical tests alone");
+  refuse_beside(command, "--like", {"--areal-density"});
+}
+
+void run_suggest(SuggestArguments& arguments, const CLI::App& command) {
   const InterruptGuard guard;
   const Known known = read_known(arguments.known);
   check_options(arguments, known.fabric);
@@ -249,7 +259,10 @@ void run_suggest(SuggestArguments& arguments) {
   const std::vector<Candidate> candidates = arguments.candidates.empty()
                                                 ? default_candidates(known.fabric, arguments.family)
                                                 : read_candidates(arguments.candidates);
-  if (!arguments.out.empty()) prepare_output_folder(arguments.out, {}, Existing::overwrite);
+  check_candidates(command, candidates);
+  if (!arguments.out.empty())
+    prepare_output_folder(arguments.out, {"suggestions.json"},
+                          arguments.overwrite ? Existing::overwrite : Existing::refuse);
   SuggestOptions options;
   options.trial.columns = options.trial.rows = arguments.grid;
   options.mechanical.cells = arguments.cells;
@@ -260,6 +273,9 @@ void run_suggest(SuggestArguments& arguments) {
   options.threads = arguments.threads;
   const std::vector<Suggestion> suggestions =
       suggest_experiments(rig, known.fabric, candidates, options, progress_observer("experiments"));
+  end_if_stopped(
+      suggestions.size() < candidates.size(),
+      fmt::format("{} of {} experiments were simulated", suggestions.size(), candidates.size()));
   const std::string json = json_of(suggestions, arguments).dump(1) + "\n";
   if (arguments.json)
     fmt::print("{}", json);
@@ -342,6 +358,7 @@ void add_suggest(CLI::App& app) {
   add_threads(*command, arguments->threads);
   command->add_flag("--json", arguments->json, "print JSON instead of a table");
   command->add_option("--out", arguments->out, "folder for suggestions.json and suggestions.svg");
+  command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
   command->footer(
       "Example:\n  weft suggest out/cotton --parameters bend_stiffness shear_stiffness "
       "--amplitudes 0 0.05 --frequencies 1 2\n"
@@ -353,7 +370,7 @@ void add_suggest(CLI::App& app) {
         throw Error(fmt::format("{}: not with --candidates", name));
       arguments->video_option = name;
     }
-    run_suggest(*arguments);
+    run_suggest(*arguments, *command);
   });
 }
 

@@ -49,6 +49,7 @@ void run_scan(const SynthesizeArguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoOptions, "--scan");
   refuse_options(command, RigArguments::names(), "--scan");
   refuse_without(command, "--clouds", {"--points", "--outliers", "--hole"});
+  refuse_beside(command, "--no-noise", {"--noise", "--force-noise"});
   arguments.scan.run(fabric_with_density(arguments, command), arguments.out,
                      arguments.options.with_noise, arguments.options.seed,
                      arguments.overwrite ? Existing::overwrite : Existing::refuse);
@@ -120,6 +121,7 @@ void add_synthesize(CLI::App& app) {
     }
     refuse_without(*command, "--rig", RigArguments::names());
     refuse_without(*command, "--scan", SynthesizeScanArguments::names());
+    refuse_beside(*command, "--like", {"--frames", "--areal-density"});
     run_synthesize(*arguments);
   });
 }

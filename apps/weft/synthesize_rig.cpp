@@ -2,7 +2,11 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
+#include <set>
+
+#include "weft/base/error.h"
 
 namespace weft::app {
 
@@ -54,8 +58,18 @@ void RigArguments::add_to(CLI::App& command) {
       ->capture_default_str();
 }
 
+void RigArguments::check() const {
+  const std::set<std::string> tests(tests_.begin(), tests_.end());
+  if (tests.size() < tests_.size()) throw Error("--tests: one is named twice");
+  const bool stretches = std::any_of(tests_.begin(), tests_.end(), [](const std::string& test) {
+    return test.starts_with("stretch");
+  });
+  if (known_forces_ && !stretches) throw Error("--known-forces: only with a test of stretch");
+}
+
 void RigArguments::run(const Fabric& fabric, const std::string& out, bool with_noise,
                        std::uint64_t seed, Existing existing) const {
+  check();
   RigOptions options = options_;
   options.seed = seed;
   if (known_forces_) options.stretch_drive = StretchDrive::known_forces;

@@ -20,6 +20,8 @@ class RigArguments {
   static const std::vector<std::string>& names();
 
  private:
+  void check() const;
+
   bool wanted_ = false, known_forces_ = false;
   std::vector<std::string> tests_;
   RigOptions options_;

@@ -68,8 +68,9 @@ void run_variability(const VariabilityArguments& arguments) {
 }  // namespace
 
 void add_variability(CLI::App& app) {
-  auto* command = add_command(app, "variability",
-                              "how far each parameter can change before the error rises by 1 %");
+  auto* command =
+      add_command(app, "variability",
+                  "how far each parameter can change before the error of videos rises by 1 %");
   auto arguments = std::make_shared<VariabilityArguments>();
   command->add_option("captures", arguments->captures, "capture folders")->required();
   command->add_option("--fabric", arguments->fabric, "preset or fabric.toml")->required();

@@ -329,6 +329,40 @@ TEST_F(BadInput, Options) {
               AllOf(HasSubstr("bend_stiffness"), HasSubstr("[1e-07, 0.01]")));
 }
 
+// What was given and would not count is said.
+TEST_F(BadInput, OptionsThatWouldNotCount) {
+  const auto fit = [&](std::vector<std::string> more) {
+    std::vector<std::string> words{"fit", capture(), "--out", path("out")};
+    words.insert(words.end(), more.begin(), more.end());
+    return refusal(words);
+  };
+  EXPECT_THAT(fit({"--simplex", "0.5"}), AllOf(StartsWith("--simplex"), HasSubstr("--iterations")));
+  EXPECT_THAT(fit({"--integrator", "runge-kutta"}),
+              AllOf(StartsWith("--integrator"), HasSubstr("derivatives")));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out")) << "refused, but the folder was made";
+  EXPECT_THAT(refusal({"evaluate", capture(), "--fabric", "satin", "--integrator", "runge-kutta",
+                       "--steps-per-frame", "7"}),
+              StartsWith("--steps-per-frame"));
+  EXPECT_THAT(refusal({"render", capture(), "--out", path("out"), "--points", path("p.pc2"),
+                       "--mesh", path("m.obj"), "--grid", "9"}),
+              StartsWith("--grid: not with --points"));
+  EXPECT_THAT(refusal({"posterior", path("out"), "--grid", "9"}),
+              StartsWith("--grid: only with --true-cost"));
+  const auto synthesize = [&](std::vector<std::string> more) {
+    std::vector<std::string> words{"synthesize", "--fabric", "satin", "--out", path("out")};
+    words.insert(words.end(), more.begin(), more.end());
+    return refusal(words);
+  };
+  EXPECT_THAT(synthesize({"--like", capture(), "--frames", "7"}), StartsWith("--frames: not with"));
+  EXPECT_THAT(synthesize({"--scan", "--no-noise", "--noise", "0.01"}),
+              StartsWith("--noise: not with"));
+  EXPECT_THAT(synthesize({"--rig", "--tests", "shear", "shear"}), StartsWith("--tests: "));
+  EXPECT_THAT(synthesize({"--rig", "--tests", "shear", "--known-forces"}),
+              StartsWith("--known-forces: "));
+  EXPECT_THAT(refusal({"suggest", "satin", "--like", capture(), "--areal-density", "0.2"}),
+              StartsWith("--areal-density: not with --like"));
+}
+
 TEST_F(BadInput, Suggest) {
   EXPECT_THAT(refusal({"suggest", "silk"}), HasSubstr("\"silk\""));
   EXPECT_THAT(refusal({"suggest", "satin", "--parameters", "bend"}),
@@ -337,6 +371,9 @@ TEST_F(BadInput, Suggest) {
   EXPECT_THAT(refusal({"suggest", "satin", "--axes", "left"}), HasSubstr("--axes"));
   EXPECT_THAT(refusal({"suggest", "satin", "--separations", "1", "--amplitudes", "0.5"}),
               HasSubstr("less separation or amplitude"));
+  EXPECT_THAT(refusal({"suggest", "satin", "--separations", "0.1", "--amplitudes", "0.1", "--axes",
+                       "along"}),
+              HasSubstr("or pass"));
   write("tests.toml",
         "format = \"weft-experiments\"\nversion = 1\n[[experiment]]\nseparation = 0\n");
   EXPECT_THAT(refusal({"suggest", "satin", "--candidates", path("tests.toml")}),

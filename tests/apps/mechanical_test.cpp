@@ -163,6 +163,39 @@ TEST_F(Mechanical, SearchesWhatActsAtRest) {
   EXPECT_THAT(free_of({"--parameters", "drag_linear"}), ::testing::ElementsAre("drag_linear"));
 }
 
+// A mistake in what is to replace a fit does not cost the fit.
+TEST_F(Mechanical, ARefusedFitLeavesTheEarlierOne) {
+  const std::vector<std::string> words{"fit",       path("strip"),   "--out",
+                                       path("out"), "--cells",       "2",
+                                       "--model",   "baraff-witkin", "--no-mesh-error"};
+  ASSERT_EQ(weft(words).status, 0);
+  const std::string before = text_of(folder_ / "out/result.json");
+  const auto refused = [&](std::vector<std::string> more) {
+    std::vector<std::string> other = words;
+    other.emplace_back("--overwrite");
+    other.insert(other.end(), more.begin(), more.end());
+    const Outcome outcome = weft(other);
+    EXPECT_EQ(outcome.status, 2);
+    return outcome.err;
+  };
+  EXPECT_THAT(refused({"--parameters", "weft_bnd"}), HasSubstr("weft_bnd"));
+  EXPECT_THAT(refused({"--residuals", "points"}), HasSubstr("nothing to compare"));
+  EXPECT_THAT(refused({"--points", "3"}), HasSubstr("--points: only with --subdivide"));
+  EXPECT_THAT(refused({"--seed", "7"}), HasSubstr("--seed"));
+  EXPECT_EQ(text_of(folder_ / "out/result.json"), before);
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "out/mechanical_evaluations.sqlite"));
+}
+
+// On 16 cells a search begins on 8, of a model without an incremental order, too.
+TEST_F(Mechanical, AJointFitOfCurvesBeginsOnHalfTheCells) {
+  const Outcome outcome =
+      weft({"fit", path("strip"), "--out", path("out"), "--cells", "16", "--model", "baraff-witkin",
+            "--order", "joint", "--parameters", "stretch_stiffness", "--no-mesh-error"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  EXPECT_THAT(result["stages"][0]["name"].get<std::string>(), HasSubstr("half the cells"));
+}
+
 TEST_F(Mechanical, SpringsHaveCurvesOfTheirCells) {
   const Outcome outcome =
       weft({"fit", path("strip"), "--out", path("out"), "--cells", "3", "--model", "springs",

@@ -199,6 +199,22 @@ TEST(SolveStatic, EndsAtAMinimumNotAtASaddle) {
   }
 }
 
+TEST(SolveStatic, LeavesASaddleWithAWeakCurvature) {
+  // Two sides held 0.1 % too close, no weight: flat it balances at once, and its curvature, -2e3
+  // 1/s^2 of the masses, is less than what a search from anywhere begins to add to the Hessian.
+  const TriangleMesh mesh = make_swatch(0.1, 0.1, 9, 9);
+  const Points start = place(mesh, [](double u, double v) { return Vec3(0.999 * u, v, 0); });
+  std::vector<PointFixture> fixtures;
+  for (int row = 0; row < 9; ++row)
+    for (const int i : {9 * row, 9 * row + 8}) fixtures.push_back(hold(i, start));
+  const ClothModel model(mesh, make_fabric({.stretch = 500, .shear = 50, .bend = 1e-4}), 0.2,
+                         Vec3::Zero());
+  const StaticResult result = solve_static(model, start, fixtures, 0);
+  ASSERT_TRUE(result.converged);
+  // A wave of this length is (2 / pi) sqrt(0.001) 0.1 m = 2 mm high.
+  EXPECT_GT(result.x.row(2).cwiseAbs().maxCoeff(), 1e-3);
+}
+
 TEST(SolveStatic, StaysOnTheBranchOfARoughStart) {
   // A measured surface: the equilibrium with 2 mm of noise on each vertex, at cells of 42 mm.
   // Relaxing it leads back to the same equilibrium.

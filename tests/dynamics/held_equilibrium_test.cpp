@@ -122,6 +122,9 @@ TEST(HeldEquilibrium, XpbdHasOneRigidity) {
   Fabric fabric = cloth_fabric();
   fabric.set("bend_vv", 1e-5);
   EXPECT_THROW(make_xpbd_solver()->solve(cloth.scene(), fabric, HeldDerivatives::none), Error);
+  fabric = cloth_fabric();
+  fabric.set("bend_uv", 0.1 * fabric.value("bend_uu"));
+  EXPECT_THROW(make_xpbd_solver()->solve(cloth.scene(), fabric, HeldDerivatives::none), Error);
   EXPECT_THROW(
       make_xpbd_solver()->solve(cloth.scene(), Fabric::with_defaults("f"), HeldDerivatives::none),
       Error);

@@ -129,7 +129,7 @@ TEST(ForceWeights, DifferencesAreAsLargeAsTheirNoise) {
       plain += problem.cost(x) / 3;
       problem.weigh_by(problem.force_weights(x));
       weighed += problem.cost(x) / 3;
-      count += static_cast<double>(problem.residual_count());
+      count += problem.residual_count();
     }
     EXPECT_GT(plain, 100) << name_of(test);
     EXPECT_NEAR(weighed, 1, 4 * std::sqrt(2 / count)) << name_of(test);

@@ -169,14 +169,29 @@ TEST_F(LinearizeTest, AParameterThatMovesNothingHasNoDerivative) {
 TEST_F(LinearizeTest, VariabilityFromDerivativesIsThatOfAParabola) {
   // E (1 + 0.01) = E + H t^2 / 2, and bend = lower (upper / lower)^t.
   const Problem p = problem();
-  MatX hessian = MatX::Zero(2, 2);
-  hessian(1, 1) = 600;
-  const VecX percent = variability_from_derivatives(p, wrong(), 3, hessian);
+  QuadraticModel model{3, Vec2(0, -7), MatX::Zero(2, 2)};  // the slope of a dent does not count
+  model.hessian(1, 1) = 600;
+  const VecX percent = variability_from_derivatives(p, wrong(), 3, model);
   const ParameterInfo& bend = p.info(1);
   EXPECT_NEAR(percent[1], std::sqrt(2 * 0.01 * 3 / 600.0) * 100 * std::log(bend.upper / bend.lower),
               1e-5 * percent[1]);
   EXPECT_TRUE(std::isinf(percent[0]));
-  EXPECT_THROW(variability_from_derivatives(p, wrong(), 3, hessian, 0), Error);
+  EXPECT_THROW(variability_from_derivatives(p, wrong(), 3, model, 0), Error);
+}
+
+TEST_F(LinearizeTest, VariabilityAtABoundHasTheSlopeThatHoldsIt) {
+  // 7 t + 600 t^2 / 2 = 0.01 E, inwards from the upper end.
+  const Problem p = problem();
+  QuadraticModel model{3, Vec2(0, -7), MatX::Zero(2, 2)};
+  const ParameterInfo& bend = p.info(1);
+  const double to_percent = 100 * std::log(bend.upper / bend.lower);
+  const VecX scaled = Vec2(0.5, 1);
+  EXPECT_NEAR(variability_from_derivatives(p, scaled, 3, model)[1], 0.03 / 7 * to_percent,
+              1e-5 * to_percent);
+  model.hessian(1, 1) = 600;
+  const double t = (-7 + std::sqrt(49 + 2 * 600 * 0.03)) / 600;
+  EXPECT_NEAR(variability_from_derivatives(p, scaled, 3, model)[1], t * to_percent,
+              1e-5 * to_percent);
 }
 
 TEST_F(LinearizeTest, VariabilityFromDerivativesRaisesTheCostByOnePercent) {
@@ -187,8 +202,7 @@ TEST_F(LinearizeTest, VariabilityFromDerivativesRaisesTheCostByOnePercent) {
                              p.scaled(true_fabric()), VecX::Zero(2), VecX::Ones(2))
           .x;
   const ProblemLinearization found = linearize(p, scaled);
-  const VecX percent =
-      variability_from_derivatives(p, scaled, found.evaluation.error, found.model.hessian);
+  const VecX percent = variability_from_derivatives(p, scaled, found.evaluation.error, found.model);
   for (int i = 0; i < 2; ++i) {
     const ParameterInfo& info = p.info(i);
     const VecX step =
@@ -490,6 +504,18 @@ TEST_F(LinearizeTest, APriorWeighsAsItSaysAgainstTheData) {
   EXPECT_GT(sure.final.error, free.final.error);
   const Problem problem({trial_}, start, {"bend_stiffness"});
   EXPECT_DOUBLE_EQ(sure.final.error, evaluate(problem, sure.fabric).error);
+}
+
+// What tells the scatter of the residuals is the picture's parts then.
+TEST_F(LinearizeTest, APriorWeighsBesideASingleFrame) {
+  Fabric start = true_fabric();
+  start.set("bend_stiffness", 3e-5);
+  LeastSquaresFitOptions options = fit_from_here();
+  options.stages[0].frames = 1;
+  const FitResult sure = run_least_squares_fit(
+      Problem({trial_}, start, {"bend_stiffness"}, {}, {{"bend_stiffness", 8e-5, 1.001}}), options);
+  EXPECT_NEAR(sure.fabric.value("bend_stiffness"), 8e-5, 2e-6);
+  EXPECT_GT(sure.prior_weight, 0);
 }
 
 }  // namespace

@@ -156,7 +156,7 @@ TEST(LoadedMechanical, GradientIsThatOfTheCost) {
     Fabric fabric = stretchy();
     fabric.values.head<4>() *= 1.1;
     MechanicalProblem problem({trial_off(noise)}, fabric, free);
-    EXPECT_EQ(problem.residual_count(), 12u);
+    EXPECT_EQ(problem.residual_count(), 12);
     const VecX x = problem.scaled(fabric);
     EXPECT_EQ(problem.has_clip_noise(), noise > 0);
     problem.weigh_by(problem.force_weights(x));
@@ -213,7 +213,7 @@ TEST(LoadedMechanical, PosesAreComparedWhateverIsAskedFor) {
     options.residuals = residuals;
     EXPECT_EQ(
         MechanicalProblem({trial_off(0)}, stretchy(), {"membrane_uu"}, options).residual_count(),
-        12u);
+        12);
   }
 }
 

@@ -169,7 +169,7 @@ TEST(Overhang, FitFindsTheBendOfTheElastica) {
   MechanicalFitOptions options;
   options.first_cells = FirstCells::as_given;
   const MechanicalProblem problem({trial_of(test_of(readings), 8)}, start, {"bend_uu"});
-  EXPECT_EQ(problem.residual_count(), 3u);
+  EXPECT_EQ(problem.residual_count(), 3);
   const MechanicalFitResult fit = fit_mechanical(problem, start, options);
   // B goes with the third power of the length, of which the cells leave 0.4 %.
   EXPECT_NEAR(fit.fabric.value("bend_uu"), kBend, 0.015 * kBend);

@@ -227,7 +227,7 @@ TEST(PictureFrame, FitFindsTheShearAndMarksItsStrain) {
   const MechanicalFitResult fit =
       fit_mechanical(MechanicalProblem({trial}, start, {"membrane_shear"}), start);
   EXPECT_NEAR(fit.fabric.value("membrane_shear"), kShear, 1e-4 * kShear);
-  EXPECT_EQ(fit.residual_count, 8u);
+  EXPECT_EQ(fit.residual_count, 8);
   EXPECT_EQ(isolated_strain(capture), IsolatedStrain::shear);
   // Half of the area is at the 4th or 5th of the angles.
   const auto samples = strain_samples(*trial, simulate_mechanical({trial}, start)[0]);
@@ -246,7 +246,7 @@ TEST(PictureFrame, IsAShearTestOfTheIncrementalOrder) {
   MechanicalCostOptions options;
   options.forces = MechanicalForces::along_clips;
   const MechanicalProblem problem({prepare_mechanical(capture)}, start, {"shear"}, options);
-  EXPECT_EQ(problem.residual_count(), 6u);
+  EXPECT_EQ(problem.residual_count(), 6);
   EXPECT_NEAR(fit_mechanical(problem, start).fabric.value("shear"), kShear, 1e-4 * kShear);
 }
 

@@ -191,6 +191,15 @@ TEST(StoredEvaluations, ComeBackWithTheirValues) {
   EXPECT_EQ(points[1].values[0], problem.initial().value("drag_linear"));
   EXPECT_EQ(points[1].error, 1e3 * 3e-5);
   EXPECT_TRUE(read_evaluations(path, "of another start", {"bend_stiffness"}).empty());
+  // Of a fit that held another stretch nothing is told.
+  const double stretch = problem.initial().value("stretch_stiffness");
+  EXPECT_EQ(read_evaluations(path, problem.fingerprint(), {"bend_stiffness"},
+                             {{"stretch_stiffness", stretch * (1 + 1e-8)}})
+                .size(),
+            2u);
+  EXPECT_TRUE(read_evaluations(path, problem.fingerprint(), {"bend_stiffness"},
+                               {{"stretch_stiffness", 2 * stretch}})
+                  .empty());
 }
 
 }  // namespace

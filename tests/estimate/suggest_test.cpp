@@ -77,6 +77,9 @@ TEST(Suggest, ImpossibleExperimentsAreRefused) {
     return "";
   };
   EXPECT_THAT(message({"far", 1, Axis::along, 0.05, 1, 9}, rig), HasSubstr("\"far\""));
+  // The moved clip would go through the other one.
+  EXPECT_THAT(message({"through", 0.3, Axis::along, 0.1, 1, 9}, rig), HasSubstr("or pass"));
+  EXPECT_EQ(message({"near", 0.6, Axis::along, 0.02, 1, 9}, rig), "");
   EXPECT_THAT(message({"e", 1.2, Axis::up, 0.05, 1, 9}, rig), HasSubstr("separation = 1.2"));
   EXPECT_THAT(message({"e", 0.5, Axis::up, NAN, 1, 9}, rig), HasSubstr("amplitude = nan"));
   EXPECT_THAT(message({"e", 0.5, Axis::up, 0.1, 0, 9}, rig), HasSubstr("frequency"));

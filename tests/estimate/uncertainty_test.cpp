@@ -322,6 +322,29 @@ TEST(Uncertainty, AParameterAtABoundIsHeldAndSaid) {
   EXPECT_NEAR(u.covariance(0, 0), cluster_covariance(alone).covariance(0, 0), 1e-15);
 }
 
+// However far beyond its bound the minimum of a parameter lies, its own interval is what the noise
+// makes; and how hard it is held is said.
+TEST(Uncertainty, APullAtABoundWidensNoInterval) {
+  const Problem problem = analytic_problem({"drag_linear"}, [](const VecX&) { return 0.0; });
+  const auto at = [&](double pull) {
+    std::vector<PatchPart> parts;
+    Rng rng(11);
+    for (int k = 0; k < 10; ++k)
+      for (int p = 0; p < 4; ++p)
+        parts.push_back(
+            {{0, k, VecX::Constant(1, pull + 0.001 * rng.normal()), MatX::Ones(1, 1)}, p});
+    return estimate_uncertainty(problem, VecX::Zero(1), parts);
+  };
+  const Uncertainty weak = at(0.05), strong = at(1);
+  EXPECT_TRUE(weak.parameters[0].at_lower);
+  EXPECT_TRUE(strong.parameters[0].determined);
+  EXPECT_NEAR(strong.parameters[0].half_width, weak.parameters[0].half_width,
+              1e-6 * weak.parameters[0].half_width);
+  EXPECT_LT(strong.parameters[0].half_width, 0.01);
+  // Over the dispersion, which a pull does not change: 40 parts of 1.
+  EXPECT_NEAR(strong.slope[0] * strong.dispersion, 40, 0.1);
+}
+
 TEST(Uncertainty, InformationIsTheMatrixOverTheDispersion) {
   const Problem problem =
       analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });

@@ -45,12 +45,12 @@ class CaptureReader {
     if (kind == "mechanical") {
       throw error_at(file_.where("kind"),
                      "a mechanical capture; this command needs a video, mechanical ones go to "
-                     "weft check, weft evaluate and weft fit");
+                     "weft check, evaluate, fit and profile");
     }
     if (kind == "scan") {
       throw error_at(file_.where("kind"),
-                     "a scan; this command needs a video, scans go to weft check, weft evaluate "
-                     "and weft fit");
+                     "a scan; this command needs a video, scans go to weft check, evaluate, fit "
+                     "and profile");
     }
     file_.choice("kind", {"video"});
     capture_.folder = folder_;

@@ -63,9 +63,9 @@ std::unique_ptr<EquilibriumSolver> make_static_solver(
 
 /// XPBD (xpbd.h) with the bending of the model "stvk" (XpbdBending::curvature) unless `options` say
 /// otherwise; their gravity, loads and derivatives are not read. Takes fabrics of model "stvk"
-/// whose plate has one rigidity b: bend_uu = bend_vv = b, bend_twist = b / 2; bend_uv counts as
-/// zero. The derivatives by b stand in the column of bend_uu, those of bend_vv and bend_twist are
-/// zero: right where the three move together.
+/// whose plate has one rigidity b: bend_uu = bend_vv = b, bend_twist = b / 2, bend_uv nothing
+/// (kNoBendCoupling, or 1e-6 b at most); throws Error for others. The derivatives by b stand in the
+/// column of bend_uu, those of bend_vv and bend_twist are zero: right where the three move together.
 std::unique_ptr<EquilibriumSolver> make_xpbd_solver(XpbdOptions options = xpbd_solver_options());
 
 }  // namespace weft

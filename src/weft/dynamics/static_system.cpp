@@ -136,13 +136,15 @@ bool StaticSystem::finish_by_factor(double force_tolerance, StaticResult& result
   return false;
 }
 
+/// Whether the exact Hessian is positive definite, and then factored: a regularization hides a
+/// curvature that is less negative than itself.
 bool StaticSystem::is_stable() {
-  if (exact_) return true;
+  if (exact_ && regularization_ == kLeastRegularization) return true;
   const double kept = regularization_;
   regularization_ = kLeastRegularization;
-  const bool stable = factorize(HessianKind::exact);
-  regularization_ = kept;
-  return stable;
+  exact_ = factorize(HessianKind::exact);
+  if (!exact_) regularization_ = kept;
+  return exact_;
 }
 
 /// Leaves a saddle along its direction of most negative curvature, found by inverse iteration, on
@@ -190,7 +192,7 @@ StaticResult StaticSystem::solve(Points start, const StaticOptions& options) {
     if (result.residual < options.force_tolerance) {
       if (is_stable()) {
         result.converged = true;
-        if (exact_ && regularization_ == kLeastRegularization) factored_at_ = x_;
+        factored_at_ = x_;
         break;
       }
       escape();

@@ -1,16 +1,19 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "weft/base/error.h"
 #include "weft/dynamics/held_equilibrium.h"
+#include "weft/fabric/orthotropic.h"
 #include "weft/model/sheet_model.h"
 
 namespace weft {
 namespace {
 
 constexpr double kSameRigidity = 1e-9;  // relative
+constexpr double kNoCoupling = 1e-6;    // of b, that changes no shape
 
 /// Columns of the fabric's values that the derivatives by (c00, c11, c01, c22, bend) go to.
 constexpr const char* kValues[kSheetParameters] = {"membrane_uu", "membrane_vv", "membrane_uv",
@@ -25,6 +28,11 @@ OrthotropicSheet sheet_of(const Fabric& fabric, double areal_density) {
         fmt::format("fabric \"{}\": XPBD bends with one rigidity b: bend_uu = bend_vv = b, "
                     "bend_twist = b / 2 are needed; they are {:g}, {:g}, {:g} N m",
                     fabric.name, b, fabric.value("bend_vv"), fabric.value("bend_twist")));
+  if (fabric.value("bend_uv") > std::max(2 * kNoBendCoupling, kNoCoupling * b))
+    throw Error(fmt::format(
+        "fabric \"{}\": XPBD bends without Poisson effect: bend_uv must be at most {:g} "
+        "(nothing) or {:g} times bend_uu; it is {:g} N m, bend_uu {:g}",
+        fabric.name, kNoBendCoupling, kNoCoupling, fabric.value("bend_uv"), b));
   return {fabric.value("membrane_uu"),
           fabric.value("membrane_vv"),
           fabric.value("membrane_uv"),

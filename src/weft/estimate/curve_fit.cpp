@@ -261,9 +261,15 @@ class CurveFitter {
 
   Group everything() const { return {"all", rows_, trials_, Cells::all}; }
   static bool is_shear(const Group& group) { return group.name == "shear"; }
-  static Step step(const Group& group) { return step_of(group.rows.front())->step; }
-  static bool is_diagonal(const Group& group) { return step(group) == Step::diagonal; }
-  static bool bends(const Group& group) { return step(group) >= Step::weft_bend; }
+  /// Rows of the models that have no incremental order belong to no step.
+  static bool is_diagonal(const Group& group) {
+    const StepInfo* step = step_of(group.rows.front());
+    return step && step->step == Step::diagonal;
+  }
+  static bool bends(const Group& group) {
+    const StepInfo* step = step_of(group.rows.front());
+    return step && step->step >= Step::weft_bend;
+  }
   /// Those along the clips are of the shear alone.
   MechanicalForces forces_of(const Group& group) const {
     return is_shear(group) && longer_.empty() ? MechanicalForces::along_clips
@@ -626,12 +632,12 @@ class CurveFitter {
 
   /// By Schwarz's criterion, too (G. Schwarz, Annals of Statistics 6, 1978): of n numbers each
   /// parameter more has to lower the sum of squares, in units of the noise, by ln n.
-  bool pays(const Group& group, double before, double after, std::size_t residuals) const {
+  bool pays(const Group& group, double before, double after, double residuals) const {
     const auto curves = std::count_if(group.rows.begin(), group.rows.end(),
                                       [&](const auto& row) { return may_be_curve(fabric_, row); });
-    const auto n = static_cast<double>(residuals);
     // A single number, as an overhang is, cannot ask for a second control point.
-    const double schwarz = static_cast<double>(curves) * std::log(std::max(n, 2.0)) / n;
+    const double schwarz =
+        static_cast<double>(curves) * std::log(std::max(residuals, 2.0)) / residuals;
     return before - after >= std::max(options_.least_reduction * before, schwarz);
   }
 

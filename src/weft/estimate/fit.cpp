@@ -39,7 +39,7 @@ class Fit {
   FitResult run() {
     const auto begin = Clock::now();
     evaluate_middle();
-    VecX start = first_guess();
+    VecX start = start_point(problem_, options_.start, options_.start_seed.value_or(options_.seed));
     if (!coarse_dimensions_.empty() && !stopped_) start = search_coarsely(start);
     if (!stopped_) anneal_from(start);
     conclude();
@@ -112,24 +112,6 @@ class Fit {
     keep_if_better(middle, result_.initial.error + prior_error(middle));
     record("start", result_.initial.error, result_.initial.error, 0);
     tell(result_.history.back(), 1, 1);
-  }
-
-  VecX first_guess() const {
-    switch (options_.start) {
-      case FitOptions::Start::initial: {
-        const VecX scaled = problem_.scaled(problem_.initial());
-        return scaled.cwiseMax(0).cwiseMin(1);
-      }
-      case FitOptions::Start::random: {
-        Rng rng(options_.start_seed.value_or(options_.seed), 1);
-        VecX scaled(problem_.dimension());
-        for (double& coordinate : scaled) coordinate = rng.uniform();
-        return scaled;
-      }
-      case FitOptions::Start::middle:
-        break;
-    }
-    return VecX::Constant(problem_.dimension(), 0.5);
   }
 
   VecX search_coarsely(const VecX& base) {
@@ -282,6 +264,22 @@ class Fit {
 };
 
 }  // namespace
+
+VecX start_point(const Problem& problem, FitOptions::Start start, std::uint64_t seed) {
+  switch (start) {
+    case FitOptions::Start::initial:
+      return problem.scaled(problem.initial()).cwiseMax(0).cwiseMin(1);
+    case FitOptions::Start::random: {
+      Rng rng(seed, 1);
+      VecX scaled(problem.dimension());
+      for (double& coordinate : scaled) coordinate = rng.uniform();
+      return scaled;
+    }
+    case FitOptions::Start::middle:
+      break;
+  }
+  return VecX::Constant(problem.dimension(), 0.5);
+}
 
 FitResult run_fit(const Problem& problem, const FitOptions& options, EvaluationStore* store,
                   const FitObserver& observer) {

@@ -89,6 +89,9 @@ struct FitResult {
   std::vector<std::string> remarks;   ///< further ones, about how far the captures were compared
 };
 
+/// Scaled parameters at which a search of `problem` starts; `seed`: of Start::random alone.
+VecX start_point(const Problem& problem, FitOptions::Start start, std::uint64_t seed);
+
 /// Fits the free parameters of `problem`. Deterministic for a seed and options, whatever the number
 /// of threads. `store` may be null; with one, evaluations made before are replayed from it. Throws
 /// Error for options out of range or coarse parameters that the model does not have.

@@ -159,20 +159,15 @@ class LeastSquaresFit {
     note("start", middle(), 0, stored.evaluation, 1);
   }
 
-  /// Where parameters stay that nothing determines.
-  VecX reference() const {
-    if (options_.start == FitOptions::Start::initial)
-      return problem_->scaled(problem_->initial()).cwiseMax(0).cwiseMin(1);
-    return VecX::Constant(problem_->dimension(), 0.5);
+  VecX first_guess() const {
+    return start_point(*problem_, options_.start, options_.start_seed.value_or(options_.seed));
   }
 
-  VecX first_guess() const {
-    VecX scaled = reference();
-    if (options_.start == FitOptions::Start::random) {
-      Rng rng(options_.start_seed.value_or(options_.seed), 1);
-      for (double& coordinate : scaled) coordinate = rng.uniform();
-    }
-    return scaled;
+  /// Where parameters stay that nothing determines.
+  VecX reference() const {
+    if (options_.start == FitOptions::Start::random)
+      return start_point(*problem_, FitOptions::Start::middle, options_.seed);
+    return first_guess();
   }
 
   /// The start and the points of the screening about it; the start alone without one.
@@ -383,7 +378,7 @@ class LeastSquaresFit {
                          const LinearizationOptions& options) const {
     if (!problem.has_prior()) return 0;
     const std::vector<PatchPart> parts = linearize_patches(problem, scaled, options);
-    if (frames_of(parts).size() < 2) return prior_weight_;
+    if (parts.empty()) return prior_weight_;  // a motion that diverged
     const double dispersion = cluster_dispersion(parts);
     return std::isfinite(dispersion) ? dispersion : prior_weight_;
   }
@@ -491,6 +486,10 @@ class LeastSquaresFit {
     if (result_.diverged > 0)
       result_.warnings.push_back(
           fmt::format("{} of {} evaluations diverged", result_.diverged, result_.evaluations));
+    if (problem_->has_prior() && prior_weight_ == 0 && !stopped_)
+      result_.warnings.push_back(
+          "priors, and tests beside the videos, did not count: the scatter of the residuals, which "
+          "they are weighed by, is not known");
     if (!std::isfinite(result_.final.error))
       result_.warnings.push_back("every simulation diverged: there is no estimate");
     if (stopped_) result_.warnings.push_back("stopped before the end: the best so far");

@@ -130,7 +130,7 @@ MatX information_of(std::shared_ptr<const MechanicalTrial> trial, const Fabric& 
   MatX sum = MatX::Zero(found.parts.front().hessian.rows(), found.parts.front().hessian.cols());
   for (const CostPart& part : found.parts) sum += part.hessian;
   // The cost's Gauss-Newton matrix is 2 J^T J / count.
-  sum *= 0.5 * static_cast<double>(problem.residual_count());
+  sum *= 0.5 * problem.residual_count();
   return marginal_information(sum, scaled.size());
 }
 

@@ -82,7 +82,7 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
     if (count == 0)
       throw Error(fmt::format("capture \"{}\" has nothing to compare: no measured {}",
                               trial->capture.name, uses_forces(*trial) ? "forces" : "points"));
-    residual_count_ += count;
+    residual_count_ += static_cast<double>(count);
   }
   for (std::size_t t = 0; t < trials_.size(); ++t) add_friction(t);
   priors_ = WeighedPriors(
@@ -386,7 +386,7 @@ double MechanicalProblem::cost_of(const MechanicalFrames& frames) const {
       sum += (r.values + friction * r.ways).squaredNorm();
     }
   }
-  return sum / static_cast<double>(residual_count_);
+  return sum / residual_count_;
 }
 
 namespace {
@@ -418,7 +418,7 @@ MechanicalProblem::Linearization MechanicalProblem::linearization_of(const Mecha
   MatX hessian = MatX::Zero(all, all);
   VecX slopes(n);
   for (int i = 0; i < dimension(); ++i) slopes[i] = scaled_slope(info(i), scaled[i]);
-  const double factor = 1 / static_cast<double>(residual_count_);
+  const double factor = 1 / residual_count_;
   result.friction = VecX::Zero(all - n);
   Residuals r;
   for (std::size_t t = 0; t < trials_.size(); ++t) {
@@ -682,7 +682,7 @@ class WithFriction {
   }
 
   const std::vector<ParameterInfo>& infos() const { return infos_; }
-  std::size_t residual_count() const { return problem_.residual_count(); }
+  double residual_count() const { return problem_.residual_count(); }
   const WeighedPriors& priors() const { return problem_.priors(); }
   WithFriction refined() const { return WithFriction(problem_.refined()); }
 
@@ -756,8 +756,7 @@ void add_intervals(const MechanicalProblem& problem, const VecX& scaled,
   for (MatX* matrix : {&result.certainty.covariance, &result.certainty.correlation})
     *matrix = MatX(matrix->topLeftCorner(n, n));
   // What friction leaves open is not known of the fabric.
-  result.certainty.information =
-      0.5 * static_cast<double>(problem.residual_count()) * found.model.hessian;
+  result.certainty.information = 0.5 * problem.residual_count() * found.model.hessian;
   add_friction_intervals(problem, found.friction, frictions, result);
 }
 
@@ -850,8 +849,7 @@ class FitSearch {
         break;
       }
       found = search(found.x, before);
-      if ((before - found.cost) * static_cast<double>(problem_.residual_count()) < kEnoughByWeights)
-        break;
+      if ((before - found.cost) * problem_.residual_count() < kEnoughByWeights) break;
     }
     return found;
   }
@@ -879,7 +877,7 @@ class FitSearch {
       count([&] { return value = problem_.cost(x, nullptr, &tried) + problem_.priors().cost(x); });
       return value;
     };
-    PayingSteps steps(cost_there, static_cast<double>(problem_.residual_count()));
+    PayingSteps steps(cost_there, problem_.residual_count());
     const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
       return !stopped_ && steps.pay_after(step);
     };

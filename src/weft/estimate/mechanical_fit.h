@@ -119,7 +119,7 @@ class MechanicalProblem {
   int dimension() const { return static_cast<int>(indices_.size()); }
   ParameterInfo info(int i) const { return fabric_.info(indices_[static_cast<std::size_t>(i)]); }
   const std::vector<std::shared_ptr<const MechanicalTrial>>& trials() const { return trials_; }
-  std::size_t residual_count() const { return residual_count_; }
+  double residual_count() const { return residual_count_; }
   /// Captures whose cord friction is found: places among trials().
   std::vector<std::size_t> with_friction() const;
   /// Of the i-th of these: N, up to the largest measured force, and as far below zero so that an
@@ -232,7 +232,7 @@ class MechanicalProblem {
   std::vector<std::vector<int>> followers_;  ///< of each free parameter
   MechanicalCostOptions options_;
   int threads_ = 0;
-  std::size_t residual_count_ = 0;
+  double residual_count_ = 0;
   std::vector<Friction> friction_;
   ForceWeights weights_;
   WeighedPriors priors_;
@@ -278,12 +278,12 @@ struct MechanicalFitResult {
   /// Where the weights of the beginning led, with these; with what priors add. The cost without a
   /// noise of clips and without priors.
   double cost_first = 0;
-  double prior_weight = 0;         ///< of the end; 0 without priors
-  double prior_error = 0;          ///< what they add to the cost there
-  std::size_t residual_count = 0;  ///< numbers that are compared: the cost times it is their sum
-  ForceWeights weights;            ///< of the end
-  std::size_t evaluations = 0;     ///< of all frames, with or without derivatives
-  std::size_t replayed = 0;        ///< of these, taken from the store
+  double prior_weight = 0;      ///< of the end; 0 without priors
+  double prior_error = 0;       ///< what they add to the cost there
+  double residual_count = 0;    ///< numbers that are compared: the cost times it is their sum
+  ForceWeights weights;         ///< of the end
+  std::size_t evaluations = 0;  ///< of all frames, with or without derivatives
+  std::size_t replayed = 0;     ///< of these, taken from the store
   std::vector<MechanicalFitStep> history;
   LeastSquaresEnd end = LeastSquaresEnd::max_iterations;
   /// Of the free parameters, by the jackknife over frames (residual_intervals.h); empty for an

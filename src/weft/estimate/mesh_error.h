@@ -34,7 +34,7 @@ double least_cost(const VecX& scaled, const QuadraticModel& model, double noise)
 /// `noise` of the functions above for a problem whose cost is the mean of its squares.
 template <typename Problem>
 double residual_noise(const Problem& problem) {
-  return 2 / static_cast<double>(problem.residual_count());
+  return 2 / problem.residual_count();
 }
 
 /// `model`, with what the priors of a problem add that has priors().

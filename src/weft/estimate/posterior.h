@@ -53,7 +53,8 @@ struct LikelihoodPoint {
 /// better than the quadratic alone, there is no correction.
 class LikelihoodSurrogate {
  public:
-  /// `slope`: of the likelihood at the estimate, which priors balance there; zero without priors.
+  /// `slope`: of the likelihood at the estimate, which priors balance there, or a bound
+  /// does; else zero.
   /// Throws Error for sizes that differ.
   LikelihoodSurrogate(VecX estimate, MatX information, VecX slope,
                       const std::vector<LikelihoodPoint>& points);

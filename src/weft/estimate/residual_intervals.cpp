@@ -19,12 +19,13 @@ double half_width_of_prior(const PriorTerm& prior, Eigen::Index i, double confid
 
 ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, const VecX& scaled,
                                      QuadraticModel model, const std::vector<CostPart>& parts,
-                                     std::size_t residual_count, double confidence,
+                                     double residual_count, double confidence,
                                      const VecX& systematic, const PriorTerm& prior) {
   ResidualIntervals result;
   // The cost's Gauss-Newton matrix is 2 J^T J / count.
-  const double dispersion = 2 / static_cast<double>(residual_count);
+  const double dispersion = 2 / residual_count;
   const MatX information = model.hessian / dispersion;
+  const VecX slope = model.gradient / dispersion;
   if (prior.gradient.size() > 0) {
     model.gradient += prior.gradient;
     model.hessian += prior.hessian;
@@ -37,6 +38,7 @@ ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, co
                       scatter.covariance,
                       correlation_of(scatter.covariance),
                       information,
+                      slope,
                       scatter.condition,
                       residual_dispersion(parts, model.cost, residual_count) / dispersion};
   for (Eigen::Index i = 0; i < scaled.size(); ++i) {
@@ -49,7 +51,7 @@ ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, co
         known && half <= widest_beside_prior * half_width_of_prior(prior, i, confidence);
     interval.by_prior = known && !interval.determined;
     if (!known) {
-      interval.lower = 0;
+      interval.lower = infos[static_cast<std::size_t>(i)].lower < 0 ? -kInfinity : 0;
       interval.upper = kInfinity;
     }
     result.intervals.push_back(interval);
@@ -64,9 +66,8 @@ double residual_quantile(const ResidualCertainty& certainty) {
                           static_cast<double>(certainty.parts) - 1);
 }
 
-double residual_dispersion(const std::vector<CostPart>& parts, double cost,
-                           std::size_t residual_count) {
-  const double noise = 2 / static_cast<double>(residual_count);
+double residual_dispersion(const std::vector<CostPart>& parts, double cost, double residual_count) {
+  const double noise = 2 / residual_count;
   if (parts.size() >= 2) {
     const double scatter = cluster_dispersion(parts);
     if (std::isfinite(scatter)) return std::max(scatter, noise);

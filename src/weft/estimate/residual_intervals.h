@@ -14,6 +14,7 @@ struct ResidualCertainty {
   MatX covariance;        ///< zero for parameters that a bound holds
   MatX correlation;       ///< NaN where not determined
   MatX information;       ///< J^T J: Fisher's, of the stated noise, of all parameters
+  VecX slope;             ///< Uncertainty::slope, of the stated noise
   double condition = 0;   ///< of the Gauss-Newton matrix; infinity: singular
   /// residual_dispersion() over that of the stated noise, >= 1: by what the information has to be
   /// divided to be that of the residuals' own scatter.
@@ -38,7 +39,7 @@ struct ResidualIntervals {
 /// ParameterInterval::by_prior.
 ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, const VecX& scaled,
                                      QuadraticModel model, const std::vector<CostPart>& parts,
-                                     std::size_t residual_count, double confidence,
+                                     double residual_count, double confidence,
                                      const VecX& systematic = {}, const PriorTerm& prior = {});
 
 /// Half of an interval over its standard deviation, for that dispersion: Student's t of the parts
@@ -49,7 +50,6 @@ double residual_quantile(const ResidualCertainty& certainty);
 /// the parts, but not below what the stated noise makes, 2 / residual_count. Where parts do not
 /// tell (a single one, or one that decides alone) that times max(1, cost): residuals are then taken
 /// to be independent.
-double residual_dispersion(const std::vector<CostPart>& parts, double cost,
-                           std::size_t residual_count);
+double residual_dispersion(const std::vector<CostPart>& parts, double cost, double residual_count);
 
 }  // namespace weft

@@ -24,7 +24,10 @@ constexpr double kLeastPoisson = 0.02, kMostPoisson = 0.45;  // of a random star
 /// A force whose direction is not known within itself has no magnitude to differentiate.
 constexpr double kLeastForce = 1e-12;  // N
 
-double mean_square(const VecX& r) { return r.size() ? r.squaredNorm() / double(r.size()) : 0; }
+/// `count`: as ShapeDescriptor::counted().
+double root_mean_square(const VecX& r, double count) {
+  return count > 0 ? std::sqrt(r.squaredNorm() / count) : 0;
+}
 
 }  // namespace
 
@@ -105,10 +108,12 @@ ScanProblem::ScanProblem(std::vector<std::shared_ptr<const ScanTrial>> trials,
       throw Error(fmt::format("target \"{}\": an entry of its descriptor has no noise",
                               trial->target.name));
     shape_noise_.push_back(noise);
-    residual_count_ += at(noise.size());
+    residual_count_ += trial->measured_descriptor->counted();
     for (const ScanClamp& clamp : trial->target.clamps)
       if (clamp.force) ++residual_count_;
   }
+  if (!(residual_count_ > 0))
+    throw Error("nothing to compare: no vertex of the targets was measured, and no force");
   scales_ = no_scales();
   priors_ = WeighedPriors(
       options.priors, dimension(), [&](const VecX& x) { return this->fabric(x); },
@@ -246,7 +251,7 @@ double ScanProblem::compute_cost(const VecX& scaled, std::string* reason) const 
     sum += r.shape.squaredNorm() + r.force.squaredNorm();
   }
   const double p = penalty(found, nullptr);
-  return sum / static_cast<double>(residual_count_) + p * p;
+  return sum / residual_count_ + p * p;
 }
 
 ScanProblem::Linearization ScanProblem::compute_linearization(const VecX& scaled) const {
@@ -260,7 +265,7 @@ ScanProblem::Linearization ScanProblem::compute_linearization(const VecX& scaled
     return result;
   }
   const Fabric found = fabric(scaled);
-  const double factor = 1 / static_cast<double>(residual_count_);
+  const double factor = 1 / residual_count_;
   const auto add = [&](std::size_t t, int part, const VecX& r, const MatX& by_values) {
     const MatX jacobian = by_scaled(scaled, by_values);
     CostPart own{t, part, 2 * factor * jacobian.transpose() * r,
@@ -279,7 +284,8 @@ ScanProblem::Linearization ScanProblem::compute_linearization(const VecX& scaled
     add(t, 0, r.shape, r.shape_jacobian);
     if (r.force.size() > 0) add(t, 1, r.force, r.force_jacobian);
     if (simulations[t].rest.inexact) ++result.inexact;
-    result.target_rms[target] = scales_[target] * std::sqrt(mean_square(r.shape));
+    result.target_rms[target] =
+        scales_[target] * root_mean_square(r.shape, trials_[t]->measured_descriptor->counted());
     shape += result.target_rms[target] * result.target_rms[target];
     force += scales_[target] * scales_[target] * r.force.squaredNorm();
     forces += static_cast<int>(r.force.size());
@@ -527,7 +533,7 @@ class Descent {
       return value;
     };
     const auto size = static_cast<Eigen::Index>(free.size());
-    PayingSteps steps(kInfinity, static_cast<double>(problem_.residual_count()));
+    PayingSteps steps(kInfinity, problem_.residual_count());
     const LeastSquaresObserver after_step = [&](const LeastSquaresStep& step) {
       return !result_.stopped && steps.pay_after(step);
     };

@@ -75,7 +75,9 @@ class ScanProblem {
   std::vector<ParameterInfo> infos() const;
   const std::vector<std::shared_ptr<const ScanTrial>>& trials() const { return trials_; }
   const EquilibriumSolver& solver() const { return *solver_; }
-  std::size_t residual_count() const { return residual_count_; }
+  /// Numbers that are compared; those of a descriptor as its weights count
+  /// (ShapeDescriptor::counted).
+  double residual_count() const { return residual_count_; }
   int threads() const { return threads_; }
   /// The same on cells of half the width (scan_trial.h). Nothing of it is kept in a store. Throws
   /// Error where these would be more than may be.
@@ -141,7 +143,7 @@ class ScanProblem {
   VecX scales_;
   std::vector<VecX> shape_noise_;
   WeighedPriors priors_;
-  std::size_t residual_count_ = 0;
+  double residual_count_ = 0;
   std::shared_ptr<NumberStore> store_;
 };
 

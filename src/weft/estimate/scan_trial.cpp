@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "weft/base/dense.h"
 #include "weft/base/error.h"
@@ -168,20 +169,48 @@ Pose nearest_pose(const MaterialPoints& uv, const Points& x) {
   return pose;
 }
 
-/// The scan's vertices in a region that were measured; where there are fewer than two, the points
-/// of the simulated mesh in it.
+constexpr double kStraight = 1e-3;  // of the width over the length of points
+
+/// The direction along which points lie, a unit vector; nothing where they span an area.
+std::optional<Vec2> line_of(const MaterialPoints& uv) {
+  const MaterialPoints d = uv.colwise() - Vec2(uv.rowwise().mean());
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(Eigen::Matrix2d(d * d.transpose()));
+  const Vec2& spread = solver.eigenvalues();  // smaller first
+  if (spread[0] > kStraight * kStraight * spread[1]) return {};
+  return solver.eigenvectors().col(1);
+}
+
+/// Turns a pose, the shortest way, until it has the points at `x` that are on one line, which say
+/// nothing of the turn about that line.
+Pose along_line(Pose pose, const Vec2& line, const MaterialPoints& uv, const Points& x) {
+  const Vec2 center = uv.rowwise().mean();
+  const Vec3 middle = x.rowwise().mean();
+  Vec3 seen = Vec3::Zero();
+  for (Eigen::Index i = 0; i < uv.cols(); ++i)
+    seen += line.dot(uv.col(i) - center) * (x.col(i) - middle);
+  const Vec3 is = pose.rotation * Vec3(line.x(), line.y(), 0);
+  pose.rotation = Eigen::Quaterniond::FromTwoVectors(is, seen).toRotationMatrix() * pose.rotation;
+  pose.center = center;
+  pose.position = middle;
+  return pose;
+}
+
+/// From the scan's vertices in a region that were measured. What they do not say, being fewer than
+/// two or on one line, is taken from where the registered grid has the vertices that are held.
 Pose pose_of_bar(const ScanTrial& trial, const ScanClamp& clamp, const std::vector<int>& vertices) {
   std::vector<Eigen::Index> seen;
   for (Eigen::Index i = 0; i < trial.shape.x.cols(); ++i)
     if (clamp.region.contains(trial.shape.mesh.material.col(i)) &&
         counts_as_measured(trial.shape.weights[i]))
       seen.push_back(i);
-  if (seen.size() >= 2)
-    return nearest_pose(trial.shape.mesh.material(Eigen::all, seen),
-                        trial.shape.x(Eigen::all, seen));
+  const MaterialPoints seen_uv = trial.shape.mesh.material(Eigen::all, seen);
+  const Points seen_x = trial.shape.x(Eigen::all, seen);
+  const auto line = seen.size() >= 2 ? line_of(seen_uv) : std::nullopt;
+  if (seen.size() >= 2 && !line) return nearest_pose(seen_uv, seen_x);
   const MaterialPoints uv = trial.mesh.material(Eigen::all, vertices);
-  return nearest_pose(
+  const Pose registered = nearest_pose(
       uv, interpolate(trial.shape.mesh, MaterialLocator(trial.shape.mesh), trial.shape.x, uv));
+  return line ? along_line(registered, *line, seen_uv, seen_x) : registered;
 }
 
 void hold(ScanTrial& trial) {

@@ -10,6 +10,7 @@
 #include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
+#include "weft/capture/capture_checks.h"
 #include "weft/estimate/linearize_trial.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/estimate/uncertainty.h"
@@ -287,6 +288,12 @@ Capture experiment_capture(const Capture& like, const CandidateExperiment& exper
         "experiment \"{}\": the clips would come {:.3g} m apart, the swatch is {:.3g} m between "
         "them; less separation or amplitude is needed",
         experiment.name, reach, length));
+  const double closest = experiment.axis == Axis::along ? apart - experiment.amplitude : apart;
+  if (closest < kLeastDistance * length)
+    throw Error(fmt::format(
+        "experiment \"{}\": the clips would come within {:.3g} m of each other or pass, must stay "
+        "{:.3g} m apart; less amplitude along the line between them is needed",
+        experiment.name, closest, kLeastDistance * length));
   Capture capture = like;
   capture.name = experiment.name;
   capture.frame_count = experiment.frames;

@@ -178,9 +178,13 @@ std::vector<CostPart> patch_clusters(std::vector<CostPart> patches) {
 
 double cluster_dispersion(const std::vector<PatchPart>& parts) {
   const std::vector<CostPart> frames = frames_of(parts);
-  double dispersion = cluster_dispersion(join_frames(frames, frames_per_cluster(frames)));
-  if (const auto patches = patch_clusters(patches_of(parts)); !patches.empty())
-    dispersion += cluster_dispersion(patches);
+  const std::vector<CostPart> patches = patch_clusters(patches_of(parts));
+  if (frames.size() < 2 && patches.empty())
+    throw Error("the scatter of residuals is known from two frames or two parts of a picture on");
+  double dispersion = 0;
+  if (frames.size() >= 2)
+    dispersion += cluster_dispersion(join_frames(frames, frames_per_cluster(frames)));
+  if (!patches.empty()) dispersion += cluster_dispersion(patches);
   return dispersion;
 }
 
@@ -293,6 +297,10 @@ class UncertaintyOfEstimate {
     }
   }
 
+  bool is_held(Eigen::Index i) const {
+    return std::find(held_.begin(), held_.end(), i) != held_.end();
+  }
+
   /// In the unit of the cost.
   PriorTerm prior() const {
     return {weight() * prior_.gradient, weight() * prior_.hessian,
@@ -312,7 +320,14 @@ class UncertaintyOfEstimate {
     result_.information = MatX::Zero(n, n);
     if (problem_.other().linearize)
       result_.information += prior_.hessian - MatX(problem_.prior_precision().asDiagonal());
-    for (const CostPart& cluster : clusters_) result_.information += cluster.hessian / dispersion;
+    result_.slope = VecX::Zero(n);
+    if (problem_.other().linearize)
+      result_.slope += prior_.gradient -
+                       problem_.prior_precision().cwiseProduct(scaled_ - problem_.prior_mean());
+    for (const CostPart& cluster : clusters_) {
+      result_.information += cluster.hessian / dispersion;
+      result_.slope += cluster.gradient / dispersion;
+    }
     // Once a trial.
     int trials = 0;
     double sum = 0;
@@ -356,6 +371,9 @@ class UncertaintyOfEstimate {
       sum.gradient += term.gradient;
       sum.hessian += term.hessian;
     }
+    // What pulls at a bound is no dent: that parameter's minimum lies beyond.
+    for (std::size_t a = 0; a < indices.size(); ++a)
+      if (is_held(indices[a])) sum.gradient[static_cast<Eigen::Index>(a)] = 0;
     const MatX lost = undetermined * undetermined.transpose();
     const MatX kept = MatX::Identity(lost.rows(), lost.cols()) - lost;
     // With a stiffness of their own the undetermined directions stay apart.
@@ -410,7 +428,7 @@ class UncertaintyOfEstimate {
     p.determined = half_width <= widest_half_interval;
     p.at_lower = scaled_[i] < at_bound_distance;
     p.at_upper = scaled_[i] > 1 - at_bound_distance;
-    const bool held = std::find(held_.begin(), held_.end(), i) != held_.end();
+    const bool held = is_held(i);
     p.lower = p.value;
     p.upper = p.value;
     // No parameter of the model may be negative.

@@ -66,8 +66,8 @@ double cluster_dispersion(const std::vector<CostPart>& clusters);
 
 /// The sum of it over blocks of frames and over patches of the picture: what estimate_uncertainty()
 /// takes. Where all frames show the same, as a swatch at rest, frames alone scatter by the noise of
-/// the pixels only, and the data would seem to be far surer than they are. Throws Error for fewer
-/// than two frames.
+/// the pixels only, and the data would seem to be far surer than they are. Of a single frame that
+/// of the patches. Throws Error where there are fewer than two of both.
 double cluster_dispersion(const std::vector<PatchPart>& parts);
 
 /// Successive parts of a trial joined into blocks of `frames`; the last block may be shorter.
@@ -110,6 +110,9 @@ struct Uncertainty {
   /// Fisher information of the data about all parameters, held or not, scaled coordinates:
   /// H / cluster_dispersion(). Singular where the data do not determine a direction.
   MatX information;
+  /// Gradient of minus the logarithm of the data's likelihood, as `information`: not near zero for
+  /// a parameter that a bound or a prior holds.
+  VecX slope;
   /// cluster_dispersion() of the sums over the pixels of a frame, rad^2: twice the variance of a
   /// pixel's residual times the number of pixels that count as one. Mean over the trials.
   double noise = 0;
@@ -144,8 +147,8 @@ Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
 ///
 /// d = -H^-1 g is the way from the estimate to the minimum that the linearization has: where the
 /// error is rough a search ends in a dent beside it, and which of the two is nearer to the truth is
-/// not known. The quantile is that of the smaller number of clusters, the dispersion the sum of
-/// both.
+/// not known. The way of a parameter beyond the bound that holds it is no part of d. The quantile
+/// is that of the smaller number of clusters, the dispersion the sum of both.
 Uncertainty estimate_uncertainty(const Problem& problem, const VecX& scaled,
                                  const std::vector<PatchPart>& parts,
                                  const UncertaintyOptions& options = {});

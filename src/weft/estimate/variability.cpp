@@ -255,14 +255,20 @@ std::vector<PerturbationCurve> variability(const Problem& problem, const Fabric&
 }
 
 VecX variability_from_derivatives(const Problem& problem, const VecX& scaled, double error,
-                                  const MatX& hessian, double rise) {
+                                  const QuadraticModel& model, double rise) {
   if (!(rise > 0)) throw Error(fmt::format("variability: rise is {:g}, must be above 0", rise));
   VecX percent = VecX::Constant(problem.dimension(), kInfinity);
   for (int i = 0; i < problem.dimension(); ++i) {
-    const double curvature = hessian(i, i);
+    const double curvature = model.hessian(i, i), gradient = model.gradient[i];
     const double value = from_scaled(problem.info(i), scaled[i]);
-    if (!(curvature > 0) || value == 0) continue;
-    const double change = std::sqrt(2 * rise * error / curvature);
+    const bool held = (scaled[i] < at_bound_distance && gradient > 0) ||
+                      (scaled[i] > 1 - at_bound_distance && gradient < 0);
+    const double slope = held ? std::abs(gradient) : 0;
+    if (!(curvature > 0 || slope > 0) || value == 0) continue;
+    // The root of slope s + curvature s^2 / 2 = rise error, without a difference of like numbers.
+    const double change =
+        2 * rise * error /
+        (slope + std::sqrt(slope * slope + 2 * std::max(0.0, curvature) * rise * error));
     percent[i] = 100 * change * scaled_slope(problem.info(i), scaled[i]) / std::abs(value);
   }
   return percent;

@@ -48,12 +48,13 @@ std::vector<PerturbationCurve> variability(const Problem& problem, const Fabric&
                                            const std::function<bool()>& keep_going = {});
 
 /// The variability of each free parameter to first order, without another evaluation: with
-/// `error` E and Gauss-Newton matrix H (`hessian`, as in ProblemLinearization::model) at the
-/// estimate, a change of the search coordinate i alone by sqrt(2 rise E / H_ii) raises the error by
-/// `rise`; in percent of the parameter. Infinite where H_ii or the value is 0. It differs from
-/// variability() by what second derivatives and the roughness of the error do. Throws Error unless
-/// rise > 0.
+/// `error` E, gradient g and Gauss-Newton matrix H (`model`, as in ProblemLinearization) at the
+/// estimate, a change of the search coordinate i alone by s with g_i s + H_ii s^2 / 2 = rise E
+/// raises the error by `rise`; in percent of the parameter. g_i counts at a bound towards which the
+/// error still falls, and is that of a dent elsewhere, which does not. Infinite where H_ii (and
+/// there g_i) or the value is 0. It differs from variability() by what second derivatives and the
+/// roughness of the error do. Throws Error unless rise > 0.
 VecX variability_from_derivatives(const Problem& problem, const VecX& scaled, double error,
-                                  const MatX& hessian, double rise = 0.01);
+                                  const QuadraticModel& model, double rise = 0.01);
 
 }  // namespace weft

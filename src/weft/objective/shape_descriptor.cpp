@@ -38,6 +38,7 @@ class PositionDescriptor final : public ShapeDescriptor {
       weights_[i] = weight_of(grid.weights, static_cast<int>(i / 3));
   }
   Eigen::Index size() const override { return weights_.size(); }
+  double counted() const override { return weights_.squaredNorm(); }
   VecX value(const Points& x, const VecX&) const override { return weights_.cwiseProduct(flat(x)); }
   MatX derivative(const Points&, const VecX& material, const MatX& dx) const override {
     if (dx.cols() == 0) return MatX::Zero(size(), material.size());
@@ -99,6 +100,13 @@ class LocalDescriptor : public ShapeDescriptor {
     }
   }
 
+  double counted() const override {
+    double triangles = 0, hinges = 0;
+    for (const TriangleElement& t : triangles_) triangles += t.weight * t.weight;
+    for (const HingeElement& h : hinges_) hinges += h.weight * h.weight;
+    return entries_per_triangle() * triangles + hinges;
+  }
+
   VecX value(const Points& x, const VecX& material) const override {
     VecX result(size());
     for (Eigen::Index i = 0; i < size(); ++i) {
@@ -143,7 +151,10 @@ class LocalDescriptor : public ShapeDescriptor {
     std::size_t count = 0;
     double weight = 1;
   };
-  virtual Eigen::Index triangle_entries() const = 0;
+  virtual int entries_per_triangle() const = 0;
+  Eigen::Index triangle_entries() const {
+    return entries_per_triangle() * static_cast<Eigen::Index>(triangles_.size());
+  }
   virtual Local entry(Eigen::Index i, const Points& x, const VecX& material) const = 0;
 
   static Vec3 green(const TriangleElement& t, const Points& x, Vec3& wu, Vec3& wv) {
@@ -186,9 +197,7 @@ class StrainDescriptor final : public LocalDescriptor {
   }
 
  protected:
-  Eigen::Index triangle_entries() const override {
-    return 3 * static_cast<Eigen::Index>(triangles_.size());
-  }
+  int entries_per_triangle() const override { return 3; }
   Local entry(Eigen::Index i, const Points& x, const VecX&) const override {
     Local local;
     if (i < triangle_entries()) {
@@ -219,9 +228,7 @@ class EnergyDescriptor final : public LocalDescriptor {
   bool depends_on_material() const override { return true; }
 
  protected:
-  Eigen::Index triangle_entries() const override {
-    return static_cast<Eigen::Index>(triangles_.size());
-  }
+  int entries_per_triangle() const override { return 1; }
   Local entry(Eigen::Index i, const Points& x, const VecX& material) const override {
     Local local;
     LocalEntry& e = local.entry;
@@ -261,8 +268,10 @@ class EnergyDescriptor final : public LocalDescriptor {
 class FourierDescriptor final : public ShapeDescriptor {
  public:
   FourierDescriptor(const DescriptorGrid& grid, double smoothing)
-      : columns_(grid.columns), rows_(grid.rows), smoothing_(smoothing), weights_(grid.weights) {
+      : columns_(grid.columns), rows_(grid.rows), weights_(grid.weights) {
     if (weights_.size() == 0) weights_ = VecX::Ones(grid.mesh.vertex_count());
+    mean_square_weight_ = weights_.squaredNorm() / static_cast<double>(weights_.size());
+    smoothing_ = smoothing * std::sqrt(mean_square_weight_);
     along_columns_ = transform(columns_);
     along_rows_ = transform(rows_);
     for (int b = 0; b < rows_; ++b)
@@ -274,6 +283,7 @@ class FourierDescriptor final : public ShapeDescriptor {
   }
 
   Eigen::Index size() const override { return 3 * static_cast<Eigen::Index>(kept_.size()); }
+  double counted() const override { return static_cast<double>(size()) * mean_square_weight_; }
 
   VecX value(const Points& x, const VecX&) const override {
     VecX result(size());
@@ -281,7 +291,7 @@ class FourierDescriptor final : public ShapeDescriptor {
     for (int k = 0; k < 3; ++k) {
       const MatXc f = transformed(x.row(k).transpose());
       for (const Kept& kept : kept_)
-        result[i++] = kept.factor * magnitude(f(kept.row, kept.column), smoothing(kept));
+        result[i++] = kept.factor * magnitude(f(kept.row, kept.column), smoothing_);
     }
     return result;
   }
@@ -299,7 +309,7 @@ class FourierDescriptor final : public ShapeDescriptor {
         Eigen::Index i = k * static_cast<Eigen::Index>(kept_.size());
         for (const Kept& kept : kept_) {
           const Complex c = f(kept.row, kept.column), d = df(kept.row, kept.column);
-          const double m = magnitude(c, smoothing(kept));
+          const double m = magnitude(c, smoothing_);
           result(i++, p) = m > 0 ? kept.factor * (std::conj(c) * d).real() / m : 0;
         }
       }
@@ -334,12 +344,10 @@ class FourierDescriptor final : public ShapeDescriptor {
   static double magnitude(const Complex& c, double smoothing) {
     return std::sqrt(std::norm(c) + smoothing * smoothing);
   }
-  /// The expected square of a coefficient's noise is sigma^2 for all of them, real or complex.
-  double smoothing(const Kept&) const { return smoothing_; }
-
   int columns_, rows_;
-  double smoothing_;
+  double smoothing_ = 0;
   VecX weights_;
+  double mean_square_weight_ = 1;
   MatXc along_columns_, along_rows_;
   std::vector<Kept> kept_;
 };

@@ -44,6 +44,11 @@ class ShapeDescriptor {
  public:
   virtual ~ShapeDescriptor() = default;
   virtual Eigen::Index size() const = 0;
+  /// How many numbers the entries count as: the sum of the squares of their weights, size() where
+  /// all of the grid is measured. Independent noise on the vertices makes
+  /// sum (entry / noise)^2 of that size; of magnitudes about so where weights differ, since what a
+  /// mask makes of the shape and of its noise is alike.
+  virtual double counted() const = 0;
   /// Whether it reads `material` below, which then must be of model "stvk": `energy` alone.
   virtual bool depends_on_material() const { return false; }
   /// `x` 3 x vertices, m; `material`: the values of a fabric.
@@ -60,11 +65,13 @@ class ShapeDescriptor {
 
 /// `smoothing` (m, >= 0; of `fourier` alone): the magnitude is sqrt(|F|^2 + smoothing^2), which has
 /// a derivative everywhere. Noise of standard deviation sigma a coordinate makes the expected
-/// |F|^2 of a measured shape larger by sigma^2 (its coefficients have that variance): with
-/// smoothing = sigma for the simulation and 0 for the scan both have the same mean square.
+/// |F|^2 of a measured shape larger by sigma^2 times the mean of the squared weights (its
+/// coefficients have that variance): with that for smoothing^2 in the simulation, which
+/// smoothing = sigma stands for, and 0 for the scan both have the same mean square.
 ///
 /// `fourier` has one entry for each pair of conjugate coefficients, times sqrt(2), so that the sum
-/// of squares is that of all vertices (Parseval), and the noise of an entry is sigma.
+/// of squares is that of all vertices (Parseval), and the noise of an entry is sigma where all
+/// vertices are measured.
 ///
 /// Throws Error for a grid whose sizes do not fit together, weights outside [0, 1] and smoothing
 /// that is negative or not finite.

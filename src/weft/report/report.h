@@ -59,6 +59,7 @@ struct ReportCertainty {
   MatX correlation;                     ///< NaN where a parameter is not determined or held
   MatX covariance;
   MatX information;
+  VecX slope;  ///< Uncertainty::slope; empty in files of older versions
 };
 /// From here on some combination of parameters is taken not to be determined.
 inline constexpr double largest_condition = 1e12;

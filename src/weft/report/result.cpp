@@ -114,6 +114,8 @@ Json json_of(const std::optional<ReportCertainty>& certainty) {
   put(object, "correlation", row_major(certainty->correlation));
   put(object, "covariance", row_major(certainty->covariance));
   put(object, "information", row_major(certainty->information));
+  if (certainty->slope.size() > 0)
+    put(object, "slope", std::vector<double>(certainty->slope.begin(), certainty->slope.end()));
   return object;
 }
 
@@ -414,6 +416,11 @@ ReportCertainty certainty_from(const Reader& in) {
   in.get("correlation", certainty.correlation, n, n);
   in.get("covariance", certainty.covariance, n, n);
   in.get("information", certainty.information, n, n);
+  if (in.has("slope")) {
+    MatX slope;
+    in.get("slope", slope, n, 1);
+    certainty.slope = slope;
+  }
   return certainty;
 }
 
