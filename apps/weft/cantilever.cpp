@@ -199,6 +199,7 @@ void print_profile(const nlohmann::json& r) {
 void refuse_unused(const CantileverArguments& arguments, const CLI::App& command) {
   if (arguments.prior.empty() && arguments.deviation)
     throw Error("--deviation: means nothing without --prior");
+  refuse_without(command, "--fabric", {"--direction"});
   if (arguments.overhang) {
     refuse_options(command, {"--pixel", "--clamp", "--window", "--curve"}, "an overhang");
     return;
@@ -214,9 +215,11 @@ void run_cantilever(const CantileverArguments& arguments, const CLI::App& comman
   refuse_unused(arguments, command);
   if (arguments.fabric.empty() != (arguments.out.empty() && arguments.prior.empty()))
     throw Error("--fabric: needed with --out or --prior, and one of them with it");
-  for (const std::string& path : {arguments.out, arguments.prior})
+  refuse_same_file(
+      {{"--curve", arguments.curve}, {"--out", arguments.out}, {"--prior", arguments.prior}},
+      {{"the profile", arguments.profile}, {"--fabric", arguments.fabric}});
+  for (const std::string& path : {arguments.out, arguments.prior, arguments.curve})
     if (!path.empty()) check_output_file(path);
-  if (!arguments.curve.empty()) check_output_file(arguments.curve);
   std::vector<ParameterPrior> priors;
   const nlohmann::json result =
       arguments.overhang ? from_overhang(arguments, priors) : from_profile(arguments);

@@ -57,8 +57,22 @@ void print_table(const Comparison& c) {
   }
 }
 
-/// Error of each frame for each fabric, one picture a capture.
+/// By position: names of captures may be the same, or hold slashes.
+std::string plot_name(std::size_t capture) { return fmt::format("capture_{}.svg", capture + 1); }
+
+std::vector<std::string> result_names(std::size_t captures) {
+  std::vector<std::string> names;
+  for (std::size_t k = 0; k < captures; ++k) {
+    names.push_back(plot_name(k));
+    names.push_back(std::filesystem::path(plot_name(k)).replace_extension(".csv").string());
+  }
+  return names;
+}
+
+/// Error of each frame for each fabric, one picture a capture. Those of an earlier run go, for it
+/// may have had more captures.
 void write_plots(const CompareArguments& arguments, const Comparison& c) {
+  if (arguments.overwrite) remove_results(arguments.out, R"(capture_\d+\.(svg|csv))");
   for (std::size_t column = 0; column < c.trials.size(); ++column) {
     const auto& trial = c.trials[column];
     LinePlot plot;
@@ -78,8 +92,24 @@ void write_plots(const CompareArguments& arguments, const Comparison& c) {
       }
       plot.series.push_back(series);
     }
-    write_plot(std::filesystem::path(arguments.out) / (trial->capture.name + ".svg"), plot);
+    write_plot(std::filesystem::path(arguments.out) / plot_name(column), plot);
   }
+}
+
+/// Before anything is simulated.
+void check_outputs(const CompareArguments& arguments) {
+  const std::vector<std::string> results = result_names(arguments.captures.size());
+  std::vector<NamedFile> fabrics, outputs;
+  for (const std::string& name : arguments.fabrics) fabrics.push_back({"one of --fabrics", name});
+  if (!arguments.out.empty())
+    for (const std::string& name : results)
+      outputs.push_back({"--out", std::filesystem::path(arguments.out) / name});
+  outputs.push_back({"--keep", arguments.keep});
+  refuse_same_file(outputs, fabrics);
+  if (!arguments.out.empty())
+    prepare_output_folder(arguments.out, results,
+                          arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  if (!arguments.keep.empty()) check_output_file(arguments.keep);
 }
 
 void run_compare(const CompareArguments& arguments) {
@@ -88,19 +118,15 @@ void run_compare(const CompareArguments& arguments) {
   for (const std::string& name : arguments.fabrics) fabrics.push_back(find_fabric(name));
   for (const Fabric& fabric : fabrics) require_motion_model(fabric);
   const std::vector<Capture> captures = read_captures(arguments.captures);
-  if (!arguments.out.empty()) {
-    prepare_output_folder(arguments.out, {},
-                          arguments.overwrite ? Existing::overwrite : Existing::refuse);
-  }
-  if (!arguments.keep.empty()) check_output_file(arguments.keep);
+  check_outputs(arguments);
   const Comparison c = compare_fabrics(arguments, std::move(fabrics), captures);
   end_if_stopped(interrupted(), "nothing was compared");
   print_table(c);
-  if (!arguments.out.empty()) write_plots(arguments, c);
   if (!arguments.keep.empty()) {
     write_fabric(arguments.keep, c.fabrics[static_cast<std::size_t>(c.selected)]);
     fmt::print("{}\n", arguments.keep);
   }
+  if (!arguments.out.empty()) write_plots(arguments, c);
 }
 
 }  // namespace
@@ -118,13 +144,19 @@ void add_compare(CLI::App& app) {
       ->required();
   command->add_option("--keep", arguments->keep,
                       "write the fabric with the smallest sum of errors to this file");
-  command->add_option("--out", arguments->out, "folder for plots of the error of each frame");
-  command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
+  command->add_option("--out", arguments->out,
+                      "folder for plots of the error of each frame: capture_1.svg and so on, in "
+                      "the order of the captures");
+  command->add_flag("--overwrite", arguments->overwrite,
+                    "with --out: replace the plots of another run");
   arguments->trial.add_to(*command);
   command->footer(
       "Example:\n  weft compare trial1 trial2 --fabrics fit1/fabric.toml fit2/fabric.toml --keep "
       "kept.toml");
-  command->callback([arguments] { run_compare(*arguments); });
+  command->callback([arguments, command] {
+    refuse_without(*command, "--out", {"--overwrite"});
+    run_compare(*arguments);
+  });
 }
 
 }  // namespace weft::app

@@ -41,7 +41,12 @@ nlohmann::json measured(const CusickArguments& arguments) {
   const float ground = grey(0, 0), contrast = (grey - ground).abs().maxCoeff();
   if (contrast < 0.1f) throw Error(arguments.shadow + ": no shadow stands out from the ground");
   const Mask mask = ((grey - ground).abs() > 0.5f * contrast).cast<std::uint8_t>();
-  return to_json(shadow_of(mask, *arguments.pixel, arguments.options.test));
+  try {
+    return to_json(shadow_of(mask, *arguments.pixel, arguments.options.test));
+  } catch (const Error& error) {
+    throw Error(fmt::format("{}: {}; are --pixel, --radius and --support right?", arguments.shadow,
+                            error.what()));
+  }
 }
 
 double density_of(const CusickArguments& arguments, const Fabric& fabric) {
@@ -157,15 +162,25 @@ void check_fit(const CusickArguments& arguments) {
     throw Error("--out: must end in .toml with --fit, which writes a fabric");
 }
 
-void run_cusick(const CusickArguments& arguments) {
+/// Options that would say nothing.
+void refuse_unused(const CusickArguments& arguments, const CLI::App& command) {
   if (arguments.fabric.empty() == arguments.shadow.empty())
     throw Error("give either a fabric or --shadow");
-  if (!arguments.out.empty()) {
-    if (arguments.fabric.empty()) throw Error("--out: means nothing for a picture");
-    check_output_file(arguments.out);
-  }
+  if (arguments.fabric.empty())
+    refuse_options(
+        command,
+        {"--areal-density", "--starts", "--seed", "--rings", "--sectors", "--threads", "--out"},
+        "a picture");
+  refuse_without(command, "--shadow", {"--pixel"});
   check_fit(arguments);
-  if (!arguments.prior.empty()) check_output_file(arguments.prior);
+}
+
+void run_cusick(const CusickArguments& arguments, const CLI::App& command) {
+  refuse_unused(arguments, command);
+  refuse_same_file({{"--out", arguments.out}, {"--prior", arguments.prior}},
+                   {{"the fabric that is read", arguments.fabric}});
+  for (const std::string& path : {arguments.out, arguments.prior})
+    if (!path.empty()) check_output_file(path);
   if (arguments.options.sectors % 2 != 0)
     throw Error(fmt::format("--sectors: {} is odd; must be an even number from 24 to 720",
                             arguments.options.sectors));
@@ -197,16 +212,16 @@ void add_cusick(CLI::App& app) {
   command
       ->add_option("--starts", arguments->starts,
                    "equilibria from so many starts: a drape has many")
-      ->check(CLI::Range(1, 1000))
+      ->check(integer_in(1, 1000))
       ->capture_default_str();
   command->add_option("--seed", options.seed, "of the first start")
       ->check(unsigned_integer())
       ->capture_default_str();
   command->add_option("--rings", options.rings, "cells from the support to the rim")
-      ->check(CLI::Range(3, 100))
+      ->check(integer_in(3, 100))
       ->capture_default_str();
   command->add_option("--sectors", options.sectors, "cells around, an even number")
-      ->check(CLI::Range(24, 720))
+      ->check(integer_in(24, 720))
       ->capture_default_str();
   command->add_option("--radius", options.test.radius, "m, of the specimen")
       ->check(number_in(0.01, 1))
@@ -241,7 +256,7 @@ void add_cusick(CLI::App& app) {
       "  weft cusick --shadow drape.png --pixel 0.00138\n"
       "  weft cusick base.toml --areal-density 0.15 --fit 0.62 --fit-deviation 0.02 --out "
       "mine.toml");
-  command->callback([arguments] { run_cusick(*arguments); });
+  command->callback([arguments, command] { run_cusick(*arguments, *command); });
 }
 
 }  // namespace weft::app

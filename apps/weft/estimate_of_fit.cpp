@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <memory>
+#include <utility>
 
 #include "fit_curves.h"
 #include "mechanical.h"
@@ -34,6 +35,8 @@ void check_certainty(const Report& report, const std::string& file) {
   if (report.captures.empty() && !report.certainty->overdispersion)
     throw Error(
         fmt::format("{}: certainty.overdispersion: is missing; fit again with this version", file));
+  if (!report.certainty->information.allFinite())
+    throw Error(fmt::format("{}: certainty.information: has a number that is not finite", file));
   for (const auto& [name, value] : report.settings)
     if (name == kMechanicalSetting)
       throw Error(fmt::format(
@@ -41,6 +44,52 @@ void check_certainty(const Report& report, const std::string& file) {
           "the intervals of result.json have it",
           file));
 }
+
+void check_same(const std::filesystem::path& fabric_file, std::string_view key, double in_fabric,
+                double in_result) {
+  // Both files have the digits that give the same double again.
+  constexpr double kSameNumber = 1e-9;
+  const double size = std::max(std::abs(in_fabric), std::abs(in_result));
+  if (std::abs(in_fabric - in_result) <= kSameNumber * size) return;
+  throw Error(fmt::format("{}: {}: {}, but {} in result.json: not of the same fit",
+                          fabric_file.string(), key, in_fabric, in_result));
+}
+
+/// A part of result.json that a Report does not have, and its name in errors.
+class ResultEntry {
+ public:
+  ResultEntry(const nlohmann::json& value, std::string file, std::string key)
+      : value_(value), file_(std::move(file)), key_(std::move(key)) {}
+
+  ResultEntry member(const std::string& key) const {
+    const std::string name = key_.empty() ? key : key_ + "." + key;
+    if (!value_.contains(key))
+      throw Error(fmt::format("{}: {}: is missing; fit again with this version", file_, name));
+    return {value_[key], file_, name};
+  }
+  std::vector<ResultEntry> elements() const {
+    if (!value_.is_array()) fail("an array is needed");
+    std::vector<ResultEntry> entries;
+    for (const nlohmann::json& value : value_)
+      entries.emplace_back(value, file_, fmt::format("{}[{}]", key_, entries.size()));
+    return entries;
+  }
+  std::string text() const {
+    if (!value_.is_string()) fail("a text is needed");
+    return value_.get<std::string>();
+  }
+  double number() const {
+    if (!value_.is_number()) fail("a number is needed");
+    return value_.get<double>();
+  }
+  [[noreturn]] void fail(const std::string& reason) const {
+    throw Error(fmt::format("{}: {}: {}", file_, key_, reason));
+  }
+
+ private:
+  const nlohmann::json& value_;
+  std::string file_, key_;
+};
 
 /// Of the rows of the fabric: all control values of a curve have the same.
 std::vector<ParameterPrior> priors_in(const Report& report, const Fabric& fabric) {
@@ -83,6 +132,32 @@ void check_error(const EstimateOfFit& e, const std::filesystem::path& folder,
                           again.with));
 }
 
+void check_same_fabric(const Report& report, const Fabric& fabric,
+                       const std::filesystem::path& folder) {
+  const std::filesystem::path file = folder / "fabric.toml";
+  if (report.model != fabric.model)
+    throw Error(fmt::format("{}: model: \"{}\", but \"{}\" in result.json: not of the same fit",
+                            file.string(), fabric.model, report.model));
+  const std::vector<std::string> names = fabric.value_names();
+  for (const ReportParameter& p : report.parameters)
+    if (std::ranges::find(names, p.name) == names.end())
+      throw Error(
+          fmt::format("{}: parameters.{}: is missing, but {} in result.json: not of the "
+                      "same fit",
+                      file.string(), p.name, p.value));
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const std::string key = "parameters." + names[i];
+    const auto found = std::ranges::find(report.parameters, names[i], &ReportParameter::name);
+    const auto index = static_cast<int>(i);
+    if (found == report.parameters.end())
+      throw Error(fmt::format("{}: {}: is missing, but {} in fabric.toml: not of the same fit",
+                              file_of(folder), key, fabric.values[index]));
+    check_same(file, key, fabric.values[index], found->value);
+    check_same(file, key + ".lower", fabric.info(index).lower, found->lower);
+    check_same(file, key + ".upper", fabric.info(index).upper, found->upper);
+  }
+}
+
 namespace {
 
 /// Priors balance the data where they pull, so that the sum of both slopes is zero, but for a
@@ -113,11 +188,12 @@ EstimateOfFit read_estimate_of_fit(const std::filesystem::path& folder) {
   e.report = read_result(folder / "result.json");
   e.fabric = read_fabric(folder / "fabric.toml");
   check_certainty(e.report, file_of(folder));
+  check_same_fabric(e.report, e.fabric, folder);
   auto result = nlohmann::json::parse(std::ifstream(folder / "result.json"));
   if (e.report.captures.empty())
     e.at_rest = std::move(result);
-  else
-    e.problem = result.value("problem", std::string());
+  else if (result.contains("problem"))
+    e.problem = ResultEntry(result, file_of(folder), "").member("problem").text();
   const ReportCertainty& certainty = *e.report.certainty;
   const double over = certainty.overdispersion.value_or(1);
   for (const std::string& name : certainty.parameters)
@@ -151,17 +227,36 @@ std::string text_setting(const EstimateOfFit& e, const std::filesystem::path& fo
   return setting<std::string>(e, folder, name);
 }
 
+struct CountRange {
+  int least, most;
+};
+// Of --cells and --registered-cells; 0: the grid of the scan.
+constexpr CountRange kTestCells{2, 200}, kScanCells{0, 200}, kRegisteredCells{2, 400};
+
+int count_setting(const EstimateOfFit& e, const std::filesystem::path& folder,
+                  std::string_view name, CountRange valid) {
+  const auto count = setting<std::int64_t>(e, folder, name);
+  if (count < valid.least || count > valid.most)
+    throw Error(fmt::format("{}: settings: \"{}\": {}; valid: {} to {}", file_of(folder), name,
+                            count, valid.least, valid.most));
+  return static_cast<int>(count);
+}
+
+ResultEntry entry_of(const EstimateOfFit& e, const std::filesystem::path& folder) {
+  return {e.at_rest, file_of(folder), ""};
+}
+
 std::vector<std::string> names_of(const EstimateOfFit& e) { return e.report.certainty->parameters; }
 
 MechanicalFitArguments tests_of(const EstimateOfFit& e, const std::filesystem::path& folder) {
   MechanicalFitArguments arguments;
-  for (const nlohmann::json& test : e.at_rest["mechanical"])
-    arguments.captures.push_back(test["folder"].get<std::string>());
+  for (const ResultEntry& test : entry_of(e, folder).member("mechanical").elements())
+    arguments.captures.push_back(test.member("folder").text());
   arguments.residuals = text_setting(e, folder, "residuals");
   arguments.force_noise = setting<double>(e, folder, "force noise (N)");
   arguments.point_noise = setting<double>(e, folder, "point noise (m)");
   arguments.cord_friction = text_setting(e, folder, "friction of cords");
-  arguments.options.cells = static_cast<int>(setting<std::int64_t>(e, folder, "cells"));
+  arguments.options.cells = count_setting(e, folder, "cells", kTestCells);
   return arguments;
 }
 
@@ -187,19 +282,31 @@ std::function<double(const VecX&)> simulated_tests(const EstimateOfFit& e,
 
 ScanFitArguments scans_of(const EstimateOfFit& e, const std::filesystem::path& folder) {
   ScanFitArguments arguments;
-  if (!e.at_rest["scan"].contains("captures"))
-    throw Error(
-        fmt::format("{}: scan.captures: is missing; fit again with this version", file_of(folder)));
-  for (const nlohmann::json& capture : e.at_rest["scan"]["captures"])
-    arguments.captures.push_back(capture.get<std::string>());
-  arguments.options.cells = static_cast<int>(setting<std::int64_t>(e, folder, "cells"));
-  arguments.options.raw.cells =
-      static_cast<int>(setting<std::int64_t>(e, folder, "registered cells"));
+  for (const ResultEntry& capture :
+       entry_of(e, folder).member("scan").member("captures").elements())
+    arguments.captures.push_back(capture.text());
+  arguments.options.cells = count_setting(e, folder, "cells", kScanCells);
+  arguments.options.raw.cells = count_setting(e, folder, "registered cells", kRegisteredCells);
   arguments.options.pattern = grid_pattern_from_name(text_setting(e, folder, "pattern"));
   arguments.options.descriptor = descriptor_from_name(text_setting(e, folder, "descriptor"));
   arguments.solver =
       text_setting(e, folder, "solver") == "xpbd" ? make_xpbd_solver() : make_static_solver();
   return arguments;
+}
+
+/// By how much the fit took the noise of each target to be larger.
+VecX scales_of(const EstimateOfFit& e, const std::filesystem::path& folder, Eigen::Index count) {
+  const ResultEntry entry = entry_of(e, folder).member("scan").member("targets");
+  const std::vector<ResultEntry> targets = entry.elements();
+  if (static_cast<Eigen::Index>(targets.size()) != count)
+    entry.fail(fmt::format("has {} targets, but its captures {}", targets.size(), count));
+  VecX scales(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const ResultEntry factor = targets[static_cast<std::size_t>(i)].member("noise_factor");
+    scales[i] = factor.number();
+    if (!(scales[i] > 0)) factor.fail(fmt::format("{:g}; must be above 0", scales[i]));
+  }
+  return scales;
 }
 
 std::function<double(const VecX&)> simulated_scans(const EstimateOfFit& e,
@@ -210,11 +317,7 @@ std::function<double(const VecX&)> simulated_scans(const EstimateOfFit& e,
       std::make_shared<ScanProblem>(prepare_scans(arguments), arguments.solver, e.fabric,
                                     names_of(e), ScanCostOptions{}, threads);
   check_error(e, folder, {problem->cost(e.scaled), kSameError, kAsTheyAre});
-  VecX scales = problem->no_scales();
-  const nlohmann::json& targets = e.at_rest["scan"]["targets"];
-  for (Eigen::Index i = 0; i < scales.size(); ++i)
-    scales[i] = targets.at(static_cast<std::size_t>(i)).at("noise_factor").get<double>();
-  problem->set_scales(scales);
+  problem->set_scales(scales_of(e, folder, problem->no_scales().size()));
   const double least = problem->cost(e.scaled);
   return [problem, least, dispersion = e.dispersion](const VecX& x) {
     return (problem->cost(x) - least) / dispersion;

@@ -35,6 +35,12 @@ struct EstimateOfFit {
   double value(std::size_t i) const;
   Fabric at(const VecX& scaled) const;
 };
+/// Throws Error where fabric.toml in a fit's folder, read as `fabric`, has not the model, values and
+/// ranges of its result.json: its matrices are about its own estimate, in coordinates of its own
+/// ranges.
+void check_same_fabric(const Report& report, const Fabric& fabric,
+                       const std::filesystem::path& folder);
+
 /// Of result.json and fabric.toml. Throws Error for a fit that ended before its certainty was
 /// known, one to video beside mechanical captures, and results of earlier versions that lack
 /// something.

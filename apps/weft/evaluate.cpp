@@ -1,5 +1,6 @@
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -78,7 +79,7 @@ void run_mechanical(const EvaluateArguments& arguments) {
   if (!arguments.strip.empty()) {
     if (!trial->capture.overhang)
       throw Error(fmt::format("--strip: capture \"{}\" is no overhang test", trial->capture.name));
-    check_output_file(arguments.strip);
+    check_plot_file("--strip", arguments.strip);
   }
   const auto frames =
       simulate_mechanical({trial}, fabric, MechanicalDerivatives::none, arguments.trial.threads());
@@ -90,6 +91,8 @@ void run_mechanical(const EvaluateArguments& arguments) {
   else
     fmt::print("{}\n{}", summary(evaluation), complaints(evaluation));
 }
+
+bool is_raw(const ScanTarget& target) { return target.grid.empty(); }
 
 void run_evaluate(const EvaluateArguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
@@ -133,7 +136,10 @@ void add_evaluate(CLI::App& app) {
       refuse_options(*command, {"--strip"}, "anything but an overhang test");
     if (kind == CaptureKind::scan) {
       refuse_options(*command, video_option_names(), "a scan");
-      evaluate_scan(arguments->capture, arguments->fabric,
+      const ScanCapture capture = read_scan_capture(arguments->capture);
+      if (std::ranges::none_of(capture.targets, is_raw))
+        refuse_options(*command, {"--registered-cells"}, "grids that are registered");
+      evaluate_scan(capture, arguments->fabric,
                     arguments->scan.options(*command, arguments->trial.threads()),
                     *arguments->scan.solver(), arguments->json, arguments->trial.threads());
       return;

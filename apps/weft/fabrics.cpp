@@ -4,6 +4,7 @@
 #include <string>
 
 #include "commands.h"
+#include "options.h"
 #include "weft/base/error.h"
 #include "weft/base/number_text.h"
 #include "weft/fabric/fabric.h"
@@ -80,6 +81,7 @@ void run_fabrics(const FabricsArguments& arguments) {
   if (!arguments.name.empty()) {
     Fabric fabric = find_fabric(arguments.name);
     for (const std::string& scale : arguments.scale) apply_scale(fabric, scale);
+    refuse_same_file({{"--out", arguments.out}}, {{"the fabric that is read", arguments.name}});
     if (!arguments.out.empty()) write_fabric(arguments.out, fabric);
     if (arguments.json) {
       fmt::print("{}\n", to_json(fabric).dump(2));

@@ -602,21 +602,21 @@ void add_search_options(CLI::App& command, FitArguments& arguments) {
                   "parameters of the coarse search (--method annealing); none: no coarse search")
       ->capture_default_str();
   command.add_option("--coarse-levels", arguments.coarse_levels, "values of each")
-      ->check(CLI::Range(1, 100))
+      ->check(integer_in(1, 100))
       ->capture_default_str();
   command.add_option("--coarse-frames", arguments.coarse_frames, "frames compared in it")
-      ->check(CLI::Range(1, 100000))
+      ->check(integer_in(1, 100000))
       ->capture_default_str();
   command
       .add_option("--hops", arguments.hops,
                   "rounds, at most, of two descents from the best of 20 points about the best so "
                   "far, of some 45 evaluations' time each (--method auto)")
-      ->check(CLI::Range(0, 100000))
+      ->check(integer_in(0, 100000))
       ->capture_default_str();
   command
       .add_option("--iterations", arguments.iterations,
                   "evaluations of the annealing (default: 0 with auto, 600 with annealing)")
-      ->check(CLI::Range(0, 10000000));
+      ->check(integer_in(0, 10000000));
   command
       .add_option("--simplex", arguments.simplex,
                   "edge of the annealing's first simplex, of each parameter's scaled range "

@@ -59,7 +59,7 @@ void CurveFitArguments::add_to(CLI::App& command) {
   command
       .add_option("--points", points_,
                   "mechanical captures: most control points of a curve with --subdivide")
-      ->check(CLI::Range(1, StiffnessCurve::kMostKnots))
+      ->check(integer_in(1, StiffnessCurve::kMostKnots))
       ->capture_default_str();
   command.add_flag("--linear", linear_,
                    "mechanical captures: one control point each, whatever --initial has");

@@ -194,7 +194,7 @@ void ScanFitArguments::add_to(CLI::App& command) {
       ->check(CLI::IsMember({"together", "alternating"}))
       ->capture_default_str();
   command.add_option("--rounds", rounds, "scans: of --schedule alternating")
-      ->check(CLI::Range(1, 100))
+      ->check(integer_in(1, 100))
       ->capture_default_str();
   add_balance_to(command);
   command
@@ -202,7 +202,7 @@ void ScanFitArguments::add_to(CLI::App& command) {
           "--random-starts", random_starts,
           "scans: fits from moduli (of another model than stvk, parameters) within a factor "
           "of 3 of the start, besides the one from there; the best end counts")
-      ->check(CLI::Range(0, 100))
+      ->check(integer_in(0, 100))
       ->capture_default_str();
 }
 

@@ -58,7 +58,7 @@ void run_landscape(LandscapeArguments arguments) {
   const bool along_x = arguments.y == "none";
   if (!along_x) check_parameters("--y", fabric.model, {arguments.y});
   const Capture capture = read_capture(arguments.capture);
-  check_output_file(arguments.out);
+  check_plot_file("--out", arguments.out);
   const int frames = arguments.options.frame_count;
   const int last = frames == 0 ? capture.fit_last : capture.fit_first + frames - 1;
   if (last > capture.fit_last) {
@@ -98,11 +98,11 @@ void add_landscape(CLI::App& app) {
   command->add_option("--y", arguments->y, "parameter along y; none: the error along x alone")
       ->capture_default_str();
   command->add_option("--count", arguments->count, "values of each")
-      ->check(CLI::Range(2, 1000))
+      ->check(integer_in(2, 1000))
       ->capture_default_str();
   command
       ->add_option("--frames", arguments->options.frame_count, "compared frames; 0: all fit frames")
-      ->check(CLI::Range(0, 1000000))
+      ->check(integer_in(0, 1000000))
       ->capture_default_str();
   command->add_option("--out", arguments->out, "picture (.svg); the data go next to it (.csv)")
       ->capture_default_str();

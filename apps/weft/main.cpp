@@ -1,4 +1,6 @@
 /// weft: estimates the parameters of a cloth simulator from measurements of a real fabric.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
@@ -7,6 +9,7 @@
 
 #include "commands.h"
 #include "weft/base/error.h"
+#include "weft/base/utf8.h"
 
 CLI::App* weft::app::add_command(CLI::App& app, std::string name, std::string description) {
   return app.add_subcommand(std::move(name), std::move(description));
@@ -36,6 +39,14 @@ void add_subcommands(CLI::App& app) {
   }
 }
 
+/// Arguments become text of JSON and TOML files, which would be refused after hours of computing.
+void check_utf8(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i)
+    if (!weft::is_utf8(argv[i]))
+      throw weft::Error(
+          fmt::format("argument {}, \"{}\", is not valid UTF-8", i, weft::utf8_escaped(argv[i])));
+}
+
 /// CLI11 says of a misspelled command only that one is required.
 void check_command(const CLI::App& app, int argc, char** argv) {
   const std::string word = argc > 1 ? argv[1] : "";
@@ -56,6 +67,7 @@ int run(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer("weft COMMAND --help shows the arguments of a command and an example.");
   try {
+    check_utf8(argc, argv);
     add_subcommands(app);
     check_command(app, argc, argv);
     app.parse(argc, argv);

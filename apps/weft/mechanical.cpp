@@ -97,7 +97,7 @@ void MechanicalArguments::add_to(CLI::App& command) {
           "--cells", cells_,
           "mechanical captures, scans: cells of the mesh across the shortest free side (scans: "
           "without it the grid that was registered)")
-      ->check(CLI::Range(2, 200))
+      ->check(integer_in(2, 200))
       ->capture_default_str();
 }
 

@@ -6,12 +6,15 @@
 #include <cstdlib>
 #include <fstream>
 #include <limits>
+#include <optional>
 #include <regex>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "command_line.h"
 #include "weft/base/error.h"
+#include "weft/base/files.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/number_text.h"
 #include "weft/base/progress.h"
@@ -21,11 +24,11 @@ namespace weft::app {
 
 void TrialArguments::add_to(CLI::App& command) {
   command.add_option("--grid", grid_, "vertices along each side of the simulated swatch")
-      ->check(CLI::Range(3, 401))
+      ->check(integer_in(3, 401))
       ->capture_default_str();
   steps_option_ =
       command.add_option("--steps-per-frame", steps_, "time steps of an implicit integrator")
-          ->check(CLI::Range(1, 10000))
+          ->check(integer_in(1, 10000))
           ->capture_default_str();
   command.add_option("--integrator", integrator_, "bdf2, newmark, implicit-euler or runge-kutta")
       ->check(CLI::IsMember({"bdf2", "newmark", "implicit-euler", "runge-kutta"}))
@@ -170,13 +173,13 @@ void prepare_output_folder(const std::filesystem::path& folder,
                            const std::vector<std::string>& results, Existing existing) {
   std::error_code failure;
   std::filesystem::create_directories(folder, failure);
-  if (failure || !std::filesystem::is_directory(folder)) {
+  if (failure || !is_folder(folder)) {
     throw Error(fmt::format("{}: cannot be made: {}", folder.string(),
                             failure ? failure.message() : "it is a file"));
   }
   if (existing == Existing::refuse) {
     for (const std::string& name : results) {
-      if (std::filesystem::exists(folder / name)) {
+      if (path_exists(folder / name)) {
         throw Error(
             fmt::format("{}: holds {} of another run; name another folder, or give "
                         "--overwrite",
@@ -197,10 +200,8 @@ void prepare_output_folder(const std::filesystem::path& folder,
 
 void remove_results(const std::filesystem::path& folder, const std::string& pattern) {
   const std::regex name(pattern);
-  std::vector<std::filesystem::path> found;
-  for (const auto& entry : std::filesystem::directory_iterator(folder))
-    if (std::regex_match(entry.path().filename().string(), name)) found.push_back(entry.path());
-  for (const std::filesystem::path& path : found) std::filesystem::remove(path);
+  for (const std::filesystem::path& path : entries_of(folder))
+    if (std::regex_match(path.filename().string(), name)) remove_file(path);
 }
 
 void check_output_file(const std::filesystem::path& path) {
@@ -209,6 +210,62 @@ void check_output_file(const std::filesystem::path& path) {
   const bool writable = std::ofstream(path, std::ios::app).good();
   if (!writable) throw Error(fmt::format("{}: cannot be written", path.string()));
   if (!existed) std::filesystem::remove(path, ignored);
+}
+
+void check_plot_file(const std::string& option, const std::filesystem::path& path) {
+  if (path.extension() != ".svg")
+    throw Error(fmt::format("{}: {}: a picture ends in .svg; its data go beside it, as .csv",
+                            option, path.string()));
+  check_output_file(path);
+  const std::filesystem::path data = std::filesystem::path(path).replace_extension(".csv");
+  std::error_code ignored;
+  if (std::filesystem::exists(data, ignored) && !std::filesystem::exists(path, ignored))
+    throw Error(
+        fmt::format("{}: {} is there without the picture {}, whose data would replace it; "
+                    "name another picture",
+                    option, data.string(), path.filename().string()));
+  check_output_file(data);
+}
+
+namespace {
+
+bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
+  std::error_code failure;
+  if (std::filesystem::equivalent(a, b, failure) && !failure) return true;
+  // Absolute first: of a relative path that is not there yet nothing would be resolved.
+  const auto resolved = [&failure](const std::filesystem::path& path) {
+    const auto full = std::filesystem::absolute(path, failure);
+    return failure ? full : std::filesystem::weakly_canonical(full, failure);
+  };
+  const auto resolved_a = resolved(a);
+  if (failure) return false;
+  const auto resolved_b = resolved(b);
+  return !failure && resolved_a == resolved_b;
+}
+
+/// Whether there is a file that could be lost: /dev/null cannot, nor can the name of a preset.
+bool can_be_lost(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::is_regular_file(path, ignored);
+}
+
+}  // namespace
+
+void refuse_same_file(const std::vector<NamedFile>& outputs, const std::vector<NamedFile>& inputs) {
+  std::error_code ignored;
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const auto& [name, path] = outputs[i];
+    if (path.empty()) continue;
+    for (const NamedFile& input : inputs)
+      if (can_be_lost(input.path) && same_file(path, input.path))
+        throw Error(fmt::format("{}: {} is {}, which it would replace; name another file", name,
+                                path.string(), input.name));
+    if (std::filesystem::exists(path, ignored) && !can_be_lost(path)) continue;
+    for (std::size_t j = 0; j < i; ++j)
+      if (!outputs[j].path.empty() && same_file(path, outputs[j].path))
+        throw Error(fmt::format("{}: {} is the file of {}, too; each needs its own", name,
+                                path.string(), outputs[j].name));
+  }
 }
 
 void refuse_options(const CLI::App& command, const std::vector<std::string>& names,
@@ -251,15 +308,41 @@ CLI::Validator number_in(double lower, double upper) {
 
 void add_threads(CLI::App& command, int& threads) {
   command.add_option("--threads", threads, "0: all cores")
-      ->check(CLI::Range(0, 1024))
+      ->check(integer_in(0, 1024))
       ->capture_default_str();
+}
+
+namespace {
+
+/// The integer that `text` is to CLI11 as well, which takes a zero in front for octal.
+template <typename Integer>
+std::optional<Integer> decimal_of(std::string_view text) {
+  const std::string_view digits = text.starts_with('-') ? text.substr(1) : text;
+  if (digits.size() > 1 && digits.front() == '0') return std::nullopt;
+  return number_of<Integer>(text);
+}
+
+template <typename Integer>
+std::string no_integer(const std::string& text, Integer lower, Integer upper) {
+  return fmt::format("{} is not an integer from {} to {} (decimal, without zeros in front)", text,
+                     lower, upper);
+}
+
+}  // namespace
+
+CLI::Validator integer_in(int lower, int upper) {
+  const auto check = [lower, upper](std::string& text) -> std::string {
+    const auto value = decimal_of<int>(text);
+    if (value && *value >= lower && *value <= upper) return {};
+    return no_integer(text, lower, upper);
+  };
+  return {check, fmt::format("INT in [{} - {}]", lower, upper)};
 }
 
 CLI::Validator unsigned_integer() {
   const auto check = [](std::string& text) -> std::string {
-    if (number_of<std::uint64_t>(text)) return {};
-    return fmt::format("{} is not an integer from 0 to {}", text,
-                       std::numeric_limits<std::uint64_t>::max());
+    if (decimal_of<std::uint64_t>(text)) return {};
+    return no_integer<std::uint64_t>(text, 0, std::numeric_limits<std::uint64_t>::max());
   };
   return {check, "UINT64"};
 }

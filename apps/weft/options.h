@@ -76,6 +76,18 @@ void remove_results(const std::filesystem::path& folder, const std::string& patt
 /// there. Leaves what is there as it is.
 void check_output_file(const std::filesystem::path& path);
 
+/// The same of a picture, .svg, beside which its data go (write_plot). Throws Error for another
+/// ending, and for data that stand there without the picture: they are of something else.
+void check_plot_file(const std::string& option, const std::filesystem::path& path);
+
+/// A file that a command reads or writes, and what names it: "--out". Without a path there is none.
+struct NamedFile {
+  std::string name;
+  std::filesystem::path path;
+};
+/// Throws Error for an output that is another output or an input: one of them would be lost.
+void refuse_same_file(const std::vector<NamedFile>& outputs, const std::vector<NamedFile>& inputs);
+
 /// The numbers of "AxB" or "A,B,C"; throws Error, with the option's name, unless there are `count`.
 std::vector<double> numbers_in(const std::string& option, const std::string& text, char separator,
                                std::size_t count);
@@ -98,7 +110,11 @@ void end_if_stopped(bool stopped, const std::string& left);
 /// Accepts a number from `lower` to `upper`; CLI::Range lets NaN pass.
 CLI::Validator number_in(double lower, double upper);
 
-/// Accepts what an unsigned integer of 64 bits can hold; CLI11 wraps a negative number around.
+/// Accepts an integer from `lower` to `upper`; CLI::Range takes 010 for 8 and 0x10 for 16.
+CLI::Validator integer_in(int lower, int upper);
+
+/// Accepts what an unsigned integer of 64 bits can hold, as integer_in(); CLI11 wraps a negative
+/// number around.
 CLI::Validator unsigned_integer();
 
 /// --threads, into `threads`, whose value is the default.

@@ -13,6 +13,7 @@
 #include "estimate_of_fit.h"
 #include "options.h"
 #include "weft/base/error.h"
+#include "weft/base/files.h"
 #include "weft/base/interrupt.h"
 #include "weft/base/text_file.h"
 #include "weft/estimate/evaluation_store.h"
@@ -67,7 +68,7 @@ std::map<std::string, double> values_beside(const Fabric& fabric,
 LikelihoodSurrogate surrogate_of(const EstimateOfFit& e, const std::filesystem::path& folder) {
   std::vector<LikelihoodPoint> points;
   const std::filesystem::path store = folder / "evaluations.sqlite";
-  if (e.at_rest.is_null() && std::filesystem::exists(store)) {
+  if (e.at_rest.is_null() && path_exists(store)) {
     if (e.problem.empty())
       throw Error(fmt::format("{}: \"problem\" is missing; fit again with this version",
                               (folder / "result.json").string()));
@@ -252,10 +253,10 @@ void add_posterior(CLI::App& app) {
       "--out", arguments->out,
       "folder for posterior.csv, posterior.json, posterior.svg (default: the fit's)");
   command->add_option("--steps", arguments->sampling.steps, "of each walker that are kept")
-      ->check(CLI::Range(10, 10000000))
+      ->check(integer_in(10, 10000000))
       ->capture_default_str();
   command->add_option("--burn-in", arguments->sampling.burn_in, "of each walker before them")
-      ->check(CLI::Range(0, 10000000))
+      ->check(integer_in(0, 10000000))
       ->capture_default_str();
   command->add_option("--seed", arguments->sampling.seed)
       ->check(unsigned_integer())

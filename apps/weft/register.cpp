@@ -83,7 +83,20 @@ std::vector<RegistrationStart> starts_by_axes(const RegisterArguments& arguments
   if (u.cross(v).norm() < least_sine)
     throw Error(fmt::format("--u-axis {}: is along --v-axis {}; the two must be across",
                             arguments.u_axis, arguments.v_axis));
-  return flat_starts(grid, scan, geometry, u, v);
+  try {
+    return flat_starts(grid, scan, geometry, u, v);
+  } catch (const Error& error) {
+    throw error_at({arguments.scan, 0, {}}, error.what());
+  }
+}
+
+Vec3 gravity_of(const RegisterArguments& arguments) {
+  const auto numbers = numbers_in("--gravity", arguments.gravity, ',', 3);
+  const Vec3 gravity(numbers[0], numbers[1], numbers[2]);
+  if (!(gravity.norm() > 0))
+    throw Error(fmt::format("--gravity {}: must not be 0,0,0: the cloth of --held hangs",
+                            arguments.gravity));
+  return gravity;
 }
 
 std::vector<RegistrationStart> first_starts(const RegisterArguments& arguments,
@@ -99,8 +112,7 @@ std::vector<RegistrationStart> first_starts(const RegisterArguments& arguments,
     starts = starts_by_axes(arguments, grid, scan, geometry);
   if (held.empty()) return starts;
   HungStartOptions hang;
-  const auto gravity = numbers_in("--gravity", arguments.gravity, ',', 3);
-  hang.gravity = Vec3(gravity[0], gravity[1], gravity[2]);
+  hang.gravity = gravity_of(arguments);
   hang.threads = arguments.options.threads;
   for (RegistrationStart& start : hung_starts(grid, scan, geometry, held, hang))
     starts.push_back(std::move(start));
@@ -130,12 +142,17 @@ ScanRegistration follow_stamp(const RegisterArguments& arguments, const GridTemp
 /// The camera of the pictures: a file of 12 numbers, the rows of a projection.
 Pinhole read_camera(const std::string& path, const Points& in_front) {
   std::ifstream file(path);
+  if (!file || std::filesystem::is_directory(path)) throw error_at({path, 0, {}}, "cannot be read");
   Projection projection;
-  for (int k = 0; k < 12; ++k) {
-    if (!(file >> projection(k / 4, k % 4))) {
-      throw error_at({path, 0, {}}, "expected 12 numbers, 3 rows of 4: the projection, m to px");
-    }
-  }
+  bool complete = true;
+  for (int k = 0; k < 12 && complete; ++k)
+    complete = static_cast<bool>(file >> projection(k / 4, k % 4));
+  std::string more;
+  if (!complete || file >> more)
+    throw error_at({path, 0, {}},
+                   fmt::format("expected 12 numbers and no more, 3 rows of 4: the projection, m to "
+                               "px{}",
+                               complete ? fmt::format("; \"{}\" follows them", more) : ""));
   return Pinhole(projection, in_front.rowwise().mean(), "--camera");
 }
 
@@ -151,8 +168,6 @@ class Print {
     if (!arguments.pictures.empty()) {
       pictures_ = read_frames(arguments.pictures, static_cast<int>(scans.size()));
       camera_ = read_camera(arguments.camera, scans.front().position);
-    } else if (arguments.print && scans.front().colour.cols() == 0 && !scans.front().texture) {
-      throw Error("--print: the scans have no colours; give --pictures and --camera");
     }
     on_ = arguments.print || !pictures_.empty();
     tracking_.spacing = tracking_.window = 27 * texel_;
@@ -291,17 +306,30 @@ void refuse_for_one(const RegisterArguments& arguments) {
                           arguments.print ? "--print" : "--pictures", arguments.scan));
 }
 
+/// Of each scan, where something is looked for in its colours.
+void check_colours(const RegisterArguments& arguments, const std::vector<Scan>& scans) {
+  const bool print = arguments.print && arguments.pictures.empty();
+  if (!(arguments.stamp > 0) && !print) return;
+  for (std::size_t k = 0; k < scans.size(); ++k) {
+    if (scans[k].colour.cols() > 0 || scans[k].texture) continue;
+    throw Error(fmt::format("{}: {} has no colours{}", arguments.stamp > 0 ? "--stamp" : "--print",
+                            source_of(arguments, scans.size(), k).scan,
+                            arguments.stamp > 0 ? "" : "; give --pictures and --camera"));
+  }
+}
+
 void run_register(const RegisterArguments& arguments) {
   const std::filesystem::path out = arguments.out;
   const GridTemplate grid = read_template(arguments);
   std::vector<Landmark> landmarks;
-  if (!arguments.landmarks.empty()) landmarks = read_landmarks(arguments.landmarks);
+  if (!arguments.landmarks.empty()) landmarks = read_landmarks(arguments.landmarks, grid);
   if (arguments.axes_given && landmarks.size() >= 3)
     throw Error("--u-axis, --v-axis: not with three landmarks or more, which place the sheet");
   std::vector<Landmark> held;
-  if (!arguments.held.empty()) held = read_landmarks(arguments.held);
+  if (!arguments.held.empty()) held = read_landmarks(arguments.held, grid);
   const std::vector<Scan> scans = read_scans(arguments.scan, arguments.unit);
   if (scans.size() == 1) refuse_for_one(arguments);
+  check_colours(arguments, scans);
   for (std::size_t k = 0; k < scans.size(); ++k)
     check_scan_extent(scans[k], grid, source_of(arguments, scans.size(), k));
   prepare_output_folder(out, {"registration.json", "registered.obj"},
@@ -451,7 +479,7 @@ void add_register(CLI::App& app) {
       ->required();
   command->add_option("--out", arguments->out, "folder for the results")->required();
   command->add_option("--grid", arguments->grid, "vertices along the longer side, 3 to 401")
-      ->check(CLI::Range(3, 401))
+      ->check(integer_in(3, 401))
       ->capture_default_str();
   command->add_option("--unit", arguments->unit, "m per unit of the scan's coordinates")
       ->check(number_in(1e-9, 1e6))

@@ -6,6 +6,7 @@
 
 #include "command_line.h"
 #include "weft/base/error.h"
+#include "weft/base/files.h"
 #include "weft/base/parallel.h"
 #include "weft/fabric/prior.h"
 #include "weft/report/result.h"
@@ -301,12 +302,12 @@ void prepare_fit_folder(const std::filesystem::path& out, const std::vector<std:
 void remove_earlier_fit(const std::filesystem::path& out, const std::vector<std::string>& stores) {
   // SQLite would read a log that a killed run left into the new store.
   for (const std::string name : {"result.json", "fabric.toml", "report.html"}) {
-    std::filesystem::remove(out / name);
+    remove_file(out / name);
   }
   remove_results(out, R"(registered_\d+(\.obj|_weights\.csv)|start_\d+\.obj)");
   for (const std::string& store : stores) {
     for (const std::string ending : {"", "-wal", "-shm"}) {
-      std::filesystem::remove(out / (store + ending));
+      remove_file(out / (store + ending));
     }
   }
 }

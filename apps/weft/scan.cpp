@@ -35,7 +35,7 @@ void ScanArguments::add_to(CLI::App& command) {
   command
       .add_option("--registered-cells", registered_cells_,
                   "scans: cells of the grid that is laid on a raw scan, across the shorter side")
-      ->check(CLI::Range(2, 400))
+      ->check(integer_in(2, 400))
       ->capture_default_str();
 }
 
@@ -80,7 +80,7 @@ void check_raw(const ScanCapture& capture, const ScanTarget& target) {
       target.name, target.scan.filename().string(), scan.size(), extent.x(), extent.y(),
       extent.z());
   if (target.landmarks.empty()) return;
-  fmt::print("landmarks   {}\n", read_landmarks(target.landmarks).size());
+  fmt::print("landmarks   {}\n", read_landmarks(target.landmarks, swatch).size());
 }
 
 /// Clamps may lie between the vertices of a grid where the fit simulates on another one.
@@ -206,10 +206,11 @@ std::string scan_summary(const ScanTrial& trial, const ScanDifference& d) {
   return text + "\n";
 }
 
-void evaluate_scan(const std::string& folder, const std::string& fabric, const ScanOptions& options,
-                   const EquilibriumSolver& solver, bool json, int threads) {
+void evaluate_scan(const ScanCapture& capture, const std::string& fabric,
+                   const ScanOptions& options, const EquilibriumSolver& solver, bool json,
+                   int threads) {
   const Fabric found = find_fabric(fabric);
-  const auto trials = prepare_scan(read_scan_capture(folder), options);
+  const auto trials = prepare_scan(capture, options);
   const auto simulations = simulate_scans(trials, solver, found, HeldDerivatives::none, threads);
   std::vector<ScanDifference> differences;
   for (std::size_t i = 0; i < trials.size(); ++i)

@@ -36,8 +36,9 @@ std::string registration_summary(const ScanTrial& trial);
 nlohmann::json registration_json(const ScanTrial& trial);
 
 void check_scan(const std::string& folder);
-void evaluate_scan(const std::string& folder, const std::string& fabric, const ScanOptions& options,
-                   const EquilibriumSolver& solver, bool json, int threads);
+void evaluate_scan(const ScanCapture& capture, const std::string& fabric,
+                   const ScanOptions& options, const EquilibriumSolver& solver, bool json,
+                   int threads);
 
 /// Of each target its differences.
 nlohmann::json scan_json(const std::vector<std::shared_ptr<const ScanTrial>>& trials,

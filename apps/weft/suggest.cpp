@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.h"
+#include "estimate_of_fit.h"
 #include "options.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
@@ -79,6 +80,7 @@ Known read_known(const std::string& name) {
   known.fabric = read_fabric(folder / "fabric.toml");
   const std::filesystem::path file = folder / "result.json";
   const Report report = read_result(file);
+  check_same_fabric(report, known.fabric, folder);
   if (report.captures.empty()) {
     known.information = information_of_intervals(report, known.fabric);
     return known;
@@ -310,7 +312,7 @@ void add_family_options(CLI::App& command, SuggestArguments& arguments) {
       ->check(CLI::IsMember({"across", "along", "up"}))
       ->capture_default_str();
   command.add_option("--frames", arguments.family.frames, "length of each")
-      ->check(CLI::Range(1, 10000))
+      ->check(integer_in(1, 10000))
       ->capture_default_str();
 }
 
@@ -348,12 +350,12 @@ void add_suggest(CLI::App& app) {
                    "sixteenth of the image wide)")
       ->check(number_in(1e-12, 1e12));
   command->add_option("--grid", arguments->grid, "vertices along each side of the swatch")
-      ->check(CLI::Range(3, 401))
+      ->check(integer_in(3, 401))
       ->capture_default_str();
   command
       ->add_option("--cells", arguments->cells,
                    "mechanical tests: cells of the mesh across the shortest free side")
-      ->check(CLI::Range(2, 200))
+      ->check(integer_in(2, 200))
       ->capture_default_str();
   add_threads(*command, arguments->threads);
   command->add_flag("--json", arguments->json, "print JSON instead of a table");

@@ -9,6 +9,7 @@
 #include "options.h"
 #include "weft/base/error.h"
 #include "weft/capture/capture.h"
+#include "weft/capture/capture_checks.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/stripe_surface.h"
 #include "weft/vision/silhouette.h"
@@ -40,12 +41,15 @@ void write_mesh(const std::filesystem::path& path, const TriangleMesh& mesh, con
 
 void run_surface(const SurfaceArguments& arguments) {
   const Capture capture = read_capture(arguments.capture);
-  if (arguments.frame < 0 || arguments.frame >= capture.frame_count) {
+  if (arguments.frame >= capture.frame_count) {
     throw Error(fmt::format("--frame {}: the capture has frames 0 to {}", arguments.frame,
                             capture.frame_count - 1));
   }
   const int k = arguments.frame;
   check_mesh_name(arguments.out);
+  if (capture.truth)
+    refuse_same_file({{"--out", arguments.out}},
+                     {{"the capture's truth.rest_mesh", capture.truth->rest_mesh}});
   check_output_file(arguments.out);
   const Image frame = read_video(capture, k, k).front();
   const Scene scene = make_scene(capture, arguments.grid, arguments.grid, k, k);
@@ -101,9 +105,10 @@ void add_surface(CLI::App& app) {
   auto arguments = std::make_shared<SurfaceArguments>();
   command->add_option("capture", arguments->capture, "capture folder")->required();
   command->add_option("--frame", arguments->frame, "frame of the video, from 0")
+      ->check(integer_in(0, kMaxFrames - 1))
       ->capture_default_str();
   command->add_option("--grid", arguments->grid, "vertices along each side")
-      ->check(CLI::Range(3, 401))
+      ->check(integer_in(3, 401))
       ->capture_default_str();
   command->add_option("--out", arguments->out, "mesh to write, .obj or .ply")
       ->capture_default_str();

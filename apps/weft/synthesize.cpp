@@ -84,13 +84,13 @@ void add_synthesize(CLI::App& app) {
       ->check(number_in(1e-3, 10))
       ->capture_default_str();
   command->add_option("--frames", arguments->design.frame_count, "without --like")
-      ->check(CLI::Range(1, 100000))
+      ->check(integer_in(1, 100000))
       ->capture_default_str();
   command->add_option("--grid", arguments->grid, "vertices along each side of the truth")
-      ->check(CLI::Range(3, 401))
+      ->check(integer_in(3, 401))
       ->capture_default_str();
   command->add_option("--steps-per-frame", arguments->options.simulation.steps_per_frame)
-      ->check(CLI::Range(1, 10000))
+      ->check(integer_in(1, 10000))
       ->capture_default_str();
   command
       ->add_option("--start-shape", arguments->options.start_shape,

@@ -33,10 +33,10 @@ void RigArguments::add_to(CLI::App& command) {
   command
       .add_option("--steps", options_.steps,
                   "with --rig: frames from rest to the largest load, and overhangs of a bend test")
-      ->check(CLI::Range(1, 1000))
+      ->check(integer_in(1, 1000))
       ->capture_default_str();
   command.add_option("--loops", options_.loops, "with --rig: of loading and unloading")
-      ->check(CLI::Range(1, 100))
+      ->check(integer_in(1, 100))
       ->capture_default_str();
   command
       .add_option("--largest-force", options_.largest_force,
@@ -51,10 +51,10 @@ void RigArguments::add_to(CLI::App& command) {
   command
       .add_option("--cells", options_.mesh.cells,
                   "with --rig: cells of the truth's mesh across the shortest free side")
-      ->check(CLI::Range(2, 200))
+      ->check(integer_in(2, 200))
       ->capture_default_str();
   command.add_option("--threads", options_.threads, "with --rig: 0: one a core")
-      ->check(CLI::Range(0, 1024))
+      ->check(integer_in(0, 1024))
       ->capture_default_str();
 }
 

@@ -29,12 +29,12 @@ void SynthesizeScanArguments::add_to(CLI::App& command) {
       .add_option("--registered-cells", options_.registered_cells,
                   "with --scan: cells of the grid that is written, across the shorter side; "
                   "borders of clamps lie on its lines")
-      ->check(CLI::Range(2, 200))
+      ->check(integer_in(2, 200))
       ->capture_default_str();
   command
       .add_option("--refinement", options_.refinement,
                   "with --scan: cells of the truth's mesh along a side of each of these")
-      ->check(CLI::Range(1, 16))
+      ->check(integer_in(1, 16))
       ->capture_default_str();
   command
       .add_option("--noise", options_.noise,
@@ -49,7 +49,7 @@ void SynthesizeScanArguments::add_to(CLI::App& command) {
   command.add_flag("--clouds", clouds_,
                    "with --scan: clouds of points, with the clamps as landmarks, instead of grids");
   command.add_option("--points", options_.cloud.points, "with --clouds: of a cloud")
-      ->check(CLI::Range(100, 10'000'000))
+      ->check(integer_in(100, 10'000'000))
       ->capture_default_str();
   command
       .add_option("--outliers", options_.cloud.outliers,

@@ -132,6 +132,47 @@ TEST_F(BadInput, MissingFiles) {
   EXPECT_EQ(check(), "capture.toml: no such file");
 }
 
+TEST_F(BadInput, PathsThatTheSystemRefuses) {
+  const std::string circle = ": cannot be read: Too many levels of symbolic links";
+  const std::string longest(300, 'a'), too_long = ": cannot be read: File name too long";
+  std::filesystem::create_symlink("loop", folder_ / "loop");
+  EXPECT_EQ(refusal({"check", path("loop")}), path("loop") + circle);
+  EXPECT_EQ(refusal({"check", path(longest)}), path(longest) + too_long);
+  std::filesystem::create_symlink("loop.csv", folder_ / "c/loop.csv");
+  EXPECT_EQ(toml_with("motion = \"corners.csv\"", "motion = \"loop.csv\""),
+            "capture.toml:46: fixture[0].motion: " + path("c/loop.csv") + circle);
+  EXPECT_EQ(toml_with("video.mp4", longest),
+            "capture.toml:16: video.file: " + path("c/" + longest) + too_long);
+  EXPECT_EQ(toml_with("video.mp4", longest + "/%d.png"),
+            "capture.toml:16: video.file: " + path("c/" + longest) + too_long);
+  write("tests.toml", "format = \"weft-experiments\"\nversion = 1\n[[experiment]]\ncapture = \"" +
+                          longest + "\"\n");
+  EXPECT_EQ(refusal({"suggest", "satin", "--candidates", path("tests.toml")}),
+            path("tests.toml") + ":4: experiment[0].capture: " + path(longest) + too_long);
+  std::filesystem::create_directories(folder_ / "out");
+  std::filesystem::create_symlink("result.json", folder_ / "out/result.json");
+  EXPECT_EQ(refusal({"fit", capture(), "--out", path("out")}), path("out/result.json") + circle);
+}
+
+TEST_F(BadInput, PathsThatAreNoUtf8) {
+  const std::string latin = path("caf\xe9"), shown = path("caf\\xe9");
+  std::filesystem::copy(capture(), latin);
+  EXPECT_EQ(refusal({"fit", latin, "--out", path("out")}),
+            "argument 2, \"" + shown + "\", is not valid UTF-8");
+  EXPECT_EQ(refusal({"fit", capture(), "--out", path("out"), "--name", "caf\xe9"}),
+            "argument 6, \"caf\\xe9\", is not valid UTF-8");
+  // The results of a fit have the folder of each capture, as a whole.
+  const std::string output = path("out");
+  ChildProcess child({"/usr/bin/env", "-C", latin, WEFT_PROGRAM, "fit", ".", "--out", output});
+  child.wait();
+  EXPECT_EQ(child.status(), 2);
+  EXPECT_THAT(child.err(), AllOf(StartsWith("weft: error: " + shown), HasSubstr("valid UTF-8")));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+  std::filesystem::copy(capture(), path("caf\u00e9"));
+  EXPECT_EQ(refusal({"check", path("caf\u00e9")}),
+            path("caf\u00e9/video.mp4") + ": cannot be read as a video");
+}
+
 TEST_F(BadInput, VideosThatCannotBeRead) {
   write("c/video.mp4", "this is no video");
   EXPECT_EQ(check(), "video.mp4: cannot be read as a video");
@@ -258,6 +299,39 @@ TEST_F(BadInput, AnOutputFolderWithAnotherRunInIt) {
   refused("variability.svg", {"variability", capture(), "--fabric", "satin"});
   refused("profile.csv", {"profile", capture(), "--fabric", "satin"});
   refused("capture.toml", {"synthesize", "--fabric", "satin"});
+  refused("capture_1.svg", {"compare", capture(), "--fabrics", "satin"});
+  refused("capture_1.csv", {"compare", capture(), "--fabrics", "satin"});
+}
+
+TEST_F(BadInput, OutputsThatReplaceFiles) {
+  const auto landscape = [&](const std::string& out) {
+    return refusal({"landscape", capture(), "--fabric", "satin", "--out", path(out)});
+  };
+  EXPECT_EQ(landscape("l.csv"),
+            "--out: " + path("l.csv") + ": a picture ends in .svg; its data go beside it, as .csv");
+  const std::string corners = text_of(folder_ / "c/corners.csv");
+  EXPECT_THAT(landscape("c/corners.svg"),
+              AllOf(StartsWith("--out: " + path("c/corners.csv")), HasSubstr("would replace it")));
+  EXPECT_EQ(text_of(folder_ / "c/corners.csv"), corners);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "c/corners.svg"));
+  write("c/truth/rest.obj", "v 0 0 0\n");
+  EXPECT_THAT(refusal({"surface", capture(), "--out", path("c/truth/rest.obj")}),
+              HasSubstr("is the capture's truth.rest_mesh, which it would replace"));
+  ASSERT_EQ(weft({"fabrics", "satin", "--out", path("f.toml")}).status, 0);
+  EXPECT_THAT(refusal({"compare", capture(), "--fabrics", "satin", path("f.toml"), "--keep",
+                       path("f.toml")}),
+              AllOf(StartsWith("--keep: "), HasSubstr("is one of --fabrics")));
+  EXPECT_EQ(refusal({"compare", capture(), "--fabrics", "satin", "--overwrite"}),
+            "--overwrite: only with --out");
+}
+
+TEST_F(BadInput, StripesTooNarrowOrWideInTheImage) {
+  for (const std::string period : {"1", "10000"}) {
+    EXPECT_THAT(toml_with("stripe_period = 22.821", "stripe_period = " + period),
+                AllOf(StartsWith("capture.toml:40: projector.stripe_period: " + period +
+                                 " projector px are "),
+                      HasSubstr("px in the camera's image; must be in [4, 200]")));
+  }
 }
 
 TEST_F(BadInput, ACaptureGivenTwice) {
@@ -287,6 +361,13 @@ TEST_F(BadInput, Options) {
   for (const std::string seed : {"-1", "1.5", "one", "99999999999999999999"}) {
     EXPECT_THAT(fit("--seed", seed), AllOf(StartsWith("--seed: " + seed), HasSubstr("from 0 to")));
   }
+  // CLI11 takes a zero in front for octal, and 0x for hexadecimal.
+  EXPECT_THAT(fit("--seed", "010"), StartsWith("--seed: 010 is not an integer from 0 to"));
+  for (const std::string grid : {"010", "0x10", "1'0", "10.0", "402", "+10"})
+    EXPECT_EQ(
+        refusal({"surface", capture(), "--grid", grid}),
+        "--grid: " + grid + " is not an integer from 3 to 401 (decimal, without zeros in front)");
+  EXPECT_THAT(refusal({"surface", capture(), "--frame", "-1"}), StartsWith("--frame: -1 is not"));
   EXPECT_THAT(fit("--grid", "2"), AllOf(HasSubstr("--grid"), HasSubstr("3 to 401")));
   EXPECT_THAT(fit("--iterations", "-1"), AllOf(HasSubstr("--iterations"), HasSubstr("0 to")));
   EXPECT_THAT(refusal({"fit", capture(), "--out", path("out"), "--method", "annealing",

@@ -186,7 +186,7 @@ TEST_F(Fit, CompareShowsTheFramesOfWhatItSumsUp) {
   ASSERT_EQ(run.status, 0) << run.err;
   EXPECT_EQ(read_fabric(folder_ / "kept.toml").name, truth().name);
   // A row a frame and fabric: name, time, error.
-  std::istringstream csv(text_of(folder_ / "compared" / (read_capture(path("c")).name + ".csv")));
+  std::istringstream csv(text_of(folder_ / "compared/capture_1.csv"));
   std::string line;
   std::getline(csv, line);
   double sum = 0;
@@ -202,6 +202,33 @@ TEST_F(Fit, CompareShowsTheFramesOfWhatItSumsUp) {
   double printed = 0;
   table >> name >> printed;
   EXPECT_NEAR(sum / frames, printed, 1e-4 * printed);  // five digits
+}
+
+TEST_F(Fit, CompareNamesItsPlotsByPosition) {
+  // A name is text: it may be that of another capture, and lead out of the folder.
+  const std::string toml = text_of(folder_ / "c/capture.toml");
+  const std::size_t name = toml.find("name = "), end = toml.find('\n', name);
+  write("c/capture.toml", std::string(toml).replace(name, end - name, "name = \"../escaped\""));
+  std::filesystem::copy(folder_ / "c", folder_ / "d", std::filesystem::copy_options::recursive);
+  const auto compare = [&](const std::vector<std::string>& captures,
+                           const std::vector<std::string>& more) {
+    std::vector<std::string> words{"compare"};
+    words.insert(words.end(), captures.begin(), captures.end());
+    words.insert(words.end(), {"--fabrics", "satin", "--grid", "7", "--steps-per-frame", "1",
+                               "--out", path("compared")});
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  const Outcome both = weft(compare({path("c"), path("d")}, {}));
+  ASSERT_EQ(both.status, 0) << both.err;
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "escaped.svg"));
+  for (const char* plot : {"capture_1.svg", "capture_1.csv", "capture_2.svg", "capture_2.csv"})
+    EXPECT_GT(text_of(folder_ / "compared" / plot).size(), 0u) << plot;
+  EXPECT_THAT(refusal(compare({path("c")}, {})), HasSubstr("holds capture_1.svg of another run"));
+  const Outcome again = weft(compare({path("c")}, {"--overwrite"}));
+  ASSERT_EQ(again.status, 0) << again.err;
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "compared/capture_1.svg"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "compared/capture_2.svg")) << "of another run";
 }
 
 TEST_F(Fit, TakesInOptionalTerms) {

@@ -17,6 +17,7 @@ namespace {
 using nlohmann::json;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 /// A tensile test as a laboratory hands it over: a curve and the size of the specimen.
 class Mechanical : public ProgramTest {
@@ -184,6 +185,12 @@ TEST_F(Mechanical, ARefusedFitLeavesTheEarlierOne) {
   EXPECT_THAT(refused({"--seed", "7"}), HasSubstr("--seed"));
   EXPECT_EQ(text_of(folder_ / "out/result.json"), before);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "out/mechanical_evaluations.sqlite"));
+}
+
+TEST_F(Mechanical, AnEarlierResultThatCannotBeRemoved) {
+  write("out/result.json/inner", "");
+  EXPECT_EQ(refusal({"fit", path("strip"), "--out", path("out"), "--overwrite"}),
+            path("out/result.json") + ": cannot be removed: Directory not empty");
 }
 
 // On 16 cells a search begins on 8, of a model without an incremental order, too.
@@ -397,6 +404,62 @@ TEST_F(Mechanical, PosteriorOfAFit) {
                 2 * 1.645 * std::log(2), 2 * (0.1 + 2 * error) * std::log(2));
     EXPECT_TRUE(std::filesystem::exists(folder_ / "out/posterior.svg"));
   }
+}
+
+TEST_F(Mechanical, AResultThatWasChangedHasNoPosterior) {
+  ASSERT_EQ(fit("out").status, 0);
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  const std::string file = path("out/result.json") + ": ", toml = path("out/fabric.toml") + ": ";
+  const auto with = [&](const char* pointer, const json& value) {
+    json other = result;
+    other[json::json_pointer(pointer)] = value;
+    write("out/result.json", other.dump());
+    return refusal({"posterior", path("out"), "--true-cost", "--steps", "10"});
+  };
+  EXPECT_EQ(with("/mechanical", 5), file + "mechanical: an array is needed");
+  EXPECT_THAT(with("/mechanical/0", json::object()),
+              StartsWith(file + "mechanical[0].folder: is missing"));
+  EXPECT_EQ(with("/mechanical/0/folder", 5), file + "mechanical[0].folder: a text is needed");
+  EXPECT_EQ(with("/settings/cells", 5000000000),
+            file + "settings: \"cells\": 5000000000; valid: 2 to 200");
+  EXPECT_THAT(with("/certainty/overdispersion", -1),
+              StartsWith(file + "certainty.overdispersion: -1"));
+  EXPECT_THAT(with("/certainty/information/0", nullptr),
+              StartsWith(file + "certainty.information"));
+  EXPECT_THAT(with("/model", "springs"),
+              StartsWith(toml + "model: \"stvk\", but \"springs\" in result.json"));
+  EXPECT_THAT(with("/parameters/membrane_uu/upper", 123456),
+              AllOf(StartsWith(toml + "parameters.membrane_uu.upper: "),
+                    HasSubstr(", but 123456 in result.json")));
+  EXPECT_THAT(with("/parameters/weft_stretch", result["parameters"]["membrane_uu"]),
+              StartsWith(toml + "parameters.weft_stretch: is missing"));
+  json missing = result;
+  missing["certainty"]["information"][0] = nullptr;
+  missing["certainty"]["information_not_finite"] = {{"0", "infinity"}};
+  write("out/result.json", missing.dump());
+  EXPECT_THAT(refusal({"posterior", path("out")}), StartsWith(file + "certainty.information: has"));
+  missing = result;
+  missing.erase("mechanical");
+  write("out/result.json", missing.dump());
+  EXPECT_THAT(refusal({"posterior", path("out"), "--true-cost"}),
+              StartsWith(file + "mechanical: is missing"));
+  missing = result;
+  missing["parameters"].erase("membrane_vv");
+  write("out/result.json", missing.dump());
+  EXPECT_THAT(refusal({"posterior", path("out")}),
+              StartsWith(file + "parameters.membrane_vv: is missing"));
+  // One more digit than a double has is the same number.
+  const json& found = result["parameters"]["membrane_uu"]["value"];
+  json same = result;
+  same["parameters"]["membrane_uu"]["value"] = found.get<double>() * (1 + 1e-14);
+  write("out/result.json", same.dump());
+  EXPECT_EQ(weft({"posterior", path("out"), "--steps", "10"}).status, 0);
+  Fabric other = read_fabric(folder_ / "out/fabric.toml");
+  other.set("membrane_uu", 500);
+  write_fabric(folder_ / "out/fabric.toml", other);
+  EXPECT_EQ(refusal({"posterior", path("out"), "--overwrite"}),
+            fmt::format("{}parameters.membrane_uu: 500, but {} in result.json: not of the same fit",
+                        toml, same["parameters"]["membrane_uu"]["value"].get<double>()));
 }
 
 TEST_F(Mechanical, IntervalsSayWhatTheMeshDoes) {
@@ -635,6 +698,9 @@ TEST_F(Mechanical, FitsOverhangsBesideAStrip) {
   EXPECT_THAT(refusal({"evaluate", path("strip"), "--fabric", path("out/fabric.toml"), "--strip",
                        path("strip.svg")}),
               HasSubstr("--strip: capture \"strip\" is no overhang test"));
+  EXPECT_THAT(refusal({"evaluate", path("overhang"), "--fabric", path("out/fabric.toml"), "--strip",
+                       path("strip.csv")}),
+              HasSubstr("strip.csv: a picture ends in .svg"));
 }
 
 TEST_F(Mechanical, RefusesWhatCannotBeMeant) {

@@ -7,12 +7,14 @@
 #include "apps/program.h"
 #include "weft/base/random.h"
 #include "weft/mesh/mesh_io.h"
+#include "weft/vision/video.h"
 
 namespace weft::register_test {
 namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 class Register : public ProgramTest {
  protected:
@@ -184,6 +186,50 @@ TEST_F(Register, RefusesWhatItCannotUse) {
   EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--pictures", "p%d.png"}), HasSubstr("--camera"));
   write("marks.csv", "u_m,v_m,x_m,y_m\n0,0,0,0\n");
   EXPECT_THAT(refused({"--swatch", "0.2x0.2", "--landmarks", path("marks.csv")}), HasSubstr("z_m"));
+  const std::string header = "u_m,v_m,x_m,y_m,z_m\n";
+  write("marks.csv", header + "0,0,0,0,0\n5,0,0,0,0\n");
+  for (const char* option : {"--landmarks", "--held"})
+    EXPECT_EQ(refused({"--swatch", "0.2x0.2", option, path("marks.csv")}),
+              path("marks.csv") + ":3: u_m: 5 is off the swatch; must be in [0, 0.2]");
+  write("marks.csv", header + "0,0,0,0,0\n");
+  EXPECT_EQ(refused({"--swatch", "0.2x0.2", "--held", path("marks.csv"), "--gravity", "0,0,0"}),
+            "--gravity 0,0,0: must not be 0,0,0: the cloth of --held hangs");
+}
+
+TEST_F(Register, SaysWhichScanItCannotUse) {
+  const auto refused = [&](const std::string& scan, const std::vector<std::string>& more) {
+    std::filesystem::remove_all(folder_ / "out");
+    std::vector<std::string> words{"register",  path(scan), "--out",
+                                   path("out"), "--swatch", "0.2x0.2"};
+    words.insert(words.end(), more.begin(), more.end());
+    return refusal(words);
+  };
+  write("few.xyz", "0 0 0\n0.2 0 0\n");
+  EXPECT_THAT(refused("few.xyz", {}),
+              AllOf(StartsWith(path("few.xyz") + ": "), HasSubstr("of the scan lie on a surface")));
+  write("s/0.csv", points(0, 200));
+  write("s/1.csv", "x,y,z\n0,0,0\n0.2,0,0\n0.2,0,-0.2\n");
+  EXPECT_EQ(refused("s", {"--stamp", "0.02"}),
+            "--stamp: " + path("s") + ": frame 1 has no colours");
+  EXPECT_EQ(refused("s", {"--print"}),
+            "--print: " + path("s") + ": frame 1 has no colours; give --pictures and --camera");
+}
+
+TEST_F(Register, ACameraIsTwelveNumbers) {
+  write("scan.csv", "frame,x,y,z\n0,0,0,0\n0,0.2,0,0\n0,0,0,-0.2\n1,0,0,0\n1,0.2,0,0\n");
+  for (const char* name : {"p0.png", "p1.png"})
+    write_png(folder_ / name, Image::Constant(32, 32, 0.5f));
+  const auto refused = [&](const std::string& camera) {
+    if (!camera.empty()) write("camera.txt", camera);
+    return refusal({"register", path("scan.csv"), "--out", path("out"), "--swatch", "0.2x0.2",
+                    "--overwrite", "--pictures", path("p%d.png"), "--camera", path("camera.txt")});
+  };
+  EXPECT_EQ(refused(""), path("camera.txt") + ": cannot be read");
+  const std::string three = "100 0 16 0\n0 100 16 0\n0 0 1 1\n";
+  EXPECT_THAT(refused("100 0 16 0\n0 100 16 0\n"), HasSubstr("camera.txt: expected 12 numbers"));
+  EXPECT_THAT(refused(three + "0 0 0 1\n"),
+              AllOf(HasSubstr("camera.txt: expected 12 numbers and no more"),
+                    HasSubstr("\"0\" follows them")));
 }
 
 }  // namespace

@@ -19,6 +19,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 constexpr double kSide = 0.1;  // m
 
@@ -102,6 +103,23 @@ TEST_F(Scan, ChecksEvaluatesAndFits) {
     EXPECT_EQ(target["within_near"], 1);
   }
   EXPECT_EQ(evaluation["targets"][1]["clamps"][0]["name"], "left");
+
+  // What sampling by simulation takes from the result.
+  const auto refused = [&](const char* pointer, const nlohmann::json& value) {
+    nlohmann::json other = result;
+    other[nlohmann::json::json_pointer(pointer)] = value;
+    write("out/result.json", other.dump());
+    return refusal({"posterior", path("out"), "--true-cost", "--steps", "10"});
+  };
+  const std::string file = path("out/result.json") + ": ";
+  EXPECT_THAT(refused("/scan", 5), StartsWith(file + "scan.captures: is missing"));
+  EXPECT_EQ(refused("/scan/captures/0", 5), file + "scan.captures[0]: a text is needed");
+  EXPECT_EQ(refused("/settings/registered cells", 1),
+            file + "settings: \"registered cells\": 1; valid: 2 to 400");
+  EXPECT_EQ(refused("/scan/targets", nlohmann::json::array()),
+            file + "scan.targets: has 0 targets, but its captures 4");
+  EXPECT_EQ(refused("/scan/targets/1/noise_factor", 0),
+            file + "scan.targets[1].noise_factor: 0; must be above 0");
 }
 
 TEST_F(Scan, IntervalsSayWhatTheMeshDoes) {
@@ -229,6 +247,9 @@ TEST_F(Scan, RefusesWhatIsNotForScans) {
   EXPECT_THAT(refusal({"--model", "baraff-witkin", "--solver", "xpbd"}),
               HasSubstr("solver \"xpbd\" does not take"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "out")) << "refused, but the folder was made";
+  EXPECT_EQ(ProgramTest::refusal({"evaluate", path("scan"), "--fabric", "larionov-cotton",
+                                  "--registered-cells", "9"}),
+            "--registered-cells: means nothing for grids that are registered");
   const Outcome simulated =
       weft({"simulate", path("scan"), "--fabric", "satin", "--out", path("x.pc2")});
   EXPECT_EQ(simulated.status, 2);

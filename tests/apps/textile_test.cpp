@@ -135,6 +135,10 @@ TEST_F(Textile, DrapeOfAFabricAndOfItsShadow) {
   // (0.12^2 - 0.09^2) / (0.15^2 - 0.09^2), of a circle of 60 px.
   EXPECT_NEAR(measured["drape_coefficient"], 0.4375, 0.01);
   EXPECT_EQ(measured["lobes"], 0);
+  for (const std::string pixel : {"0.01", "1e-6"})
+    EXPECT_THAT(refusal({"cusick", "--shadow", path("shadow.png"), "--pixel", pixel}),
+                AllOf(HasSubstr("shadow.png: drape: a shadow of "), HasSubstr("must be in [0, 1]"),
+                      HasSubstr("are --pixel, --radius and --support right?")));
 }
 
 // The coefficient gives the bend back on the same mesh from the same starts, but for the folds that
@@ -206,6 +210,9 @@ TEST_F(Textile, RefusesWhatDoesNotGoTogether) {
               HasSubstr("--angle: means nothing for a profile"));
   EXPECT_THAT(refusal({"cantilever", "p.csv", "--areal-density", "0.2", "--window", "0.01"}),
               HasSubstr("--window: only with --curve"));
+  EXPECT_EQ(
+      refusal({"cantilever", "--overhang", "0.1", "--areal-density", "0.2", "--direction", "warp"}),
+      "--direction: only with --fabric");
   EXPECT_THAT(refusal({"cusick"}), HasSubstr("--shadow"));
   EXPECT_THAT(refusal({"cusick", "satin", "--areal-density", "0.1", "--sectors", "25"}),
               HasSubstr("--sectors: 25 is odd"));
@@ -214,6 +221,52 @@ TEST_F(Textile, RefusesWhatDoesNotGoTogether) {
               HasSubstr("springs"));
   EXPECT_THAT(refusal({"cusick", "--shadow", path("none.png"), "--pixel", "0.001"}),
               HasSubstr("none.png"));
+  const std::vector<std::pair<std::string, std::string>> of_fabrics{
+      {"--areal-density", "0.2"}, {"--starts", "4"},   {"--seed", "4"},
+      {"--rings", "4"},           {"--sectors", "36"}, {"--threads", "1"}};
+  for (const auto& [option, value] : of_fabrics)
+    EXPECT_EQ(refusal({"cusick", "--shadow", "s.png", "--pixel", "0.001", option, value}),
+              option + ": means nothing for a picture");
+  EXPECT_EQ(refusal({"cusick", "satin", "--areal-density", "0.1", "--pixel", "0.001"}),
+            "--pixel: only with --shadow");
+}
+
+// A file that is written must not be one that is read, or that is written before.
+TEST_F(Textile, KeepsFilesThatAnOutputWouldReplace) {
+  write("profile.csv", "x,y\n0,0\n");
+  ASSERT_EQ(weft({"fabrics", "satin", "--out", path("base.toml")}).status, 0);
+  const std::string base = text_of(folder_ / "base.toml");
+  std::filesystem::create_symlink(folder_ / "base.toml", folder_ / "link.toml");
+  const auto refused = [&](std::vector<std::string> words, const std::string& reason) {
+    words.insert(words.end(), {"--areal-density", "0.2"});
+    EXPECT_EQ(refusal(words), reason);
+  };
+  refused({"cantilever", path("profile.csv"), "--curve", path("x/../profile.csv")},
+          "--curve: " + path("x/../profile.csv") +
+              " is the profile, which it would replace; name another file");
+  refused({"cantilever", path("profile.csv"), "--fabric", "satin", "--curve", path("a.out"),
+           "--out", path("a.out")},
+          "--out: " + path("a.out") + " is the file of --curve, too; each needs its own");
+  // Neither is there yet: one is from the working folder, the other is not.
+  refused({"cantilever", "--overhang", "0.1", "--fabric", "satin", "--out", "both.toml", "--prior",
+           (std::filesystem::current_path() / "both.toml").string()},
+          "--prior: " + (std::filesystem::current_path() / "both.toml").string() +
+              " is the file of --out, too; each needs its own");
+  refused(
+      {"cantilever", "--overhang", "0.1", "--fabric", path("base.toml"), "--out",
+       path("link.toml")},
+      "--out: " + path("link.toml") + " is --fabric, which it would replace; name another file");
+  refused({"cusick", path("base.toml"), "--fit", "0.5", "--prior", path("base.toml")},
+          "--prior: " + path("base.toml") +
+              " is the fabric that is read, which it would replace; name another file");
+  refused({"cusick", "satin", "--fit", "0.5", "--prior", path("b.toml"), "--out", path("b.toml")},
+          "--prior: " + path("b.toml") + " is the file of --out, too; each needs its own");
+  EXPECT_EQ(refusal({"fabrics", path("base.toml"), "--scale", "bend_stiffness=2", "--out",
+                     path("base.toml")}),
+            "--out: " + path("base.toml") +
+                " is the fabric that is read, which it would replace; name another file");
+  EXPECT_EQ(text_of(folder_ / "profile.csv"), "x,y\n0,0\n");
+  EXPECT_EQ(text_of(folder_ / "base.toml"), base);
 }
 
 }  // namespace

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <cstdio>
 #include <numbers>
+#include <sstream>
 
 #include "capture/temporary_capture.h"
 
@@ -173,6 +175,42 @@ TEST_F(ReadMechanical, NamesFileLineAndKey) {
               HasSubstr("capture.toml:4: clip_noise: 0.02 is out of range; must be in [0, 0.01]"));
 }
 
+TEST_F(ReadMechanical, MeasuredPointsAreOnTheSwatch) {
+  const std::string mesh = text_of(folder_ / "rest.obj");
+  // In mm, and 5 m off along u.
+  for (const auto& [scale, shift] : {std::pair{1000.0, 0.0}, {1.0, 5.0}}) {
+    std::istringstream lines(mesh);
+    std::string line, changed;
+    while (std::getline(lines, line)) {
+      double u = 0, v = 0;
+      if (std::sscanf(line.c_str(), "vt %lf %lf", &u, &v) == 2)
+        line = "vt " + std::to_string(scale * u + shift) + " " + std::to_string(scale * v);
+      changed += line + "\n";
+    }
+    write("rest.obj", changed);
+    EXPECT_THAT(refusal(), AllOf(StartsWith("rest.obj: vt: (u, v) from ("),
+                                 HasSubstr("the swatch is 0.15 x 0.025 m")));
+  }
+}
+
+TEST_F(ReadMechanical, TwoClipsAreNotInOnePlace) {
+  const std::string right =
+      "[\"right_px\", \"right_py\", \"right_pz\", \"right_qw\", \"right_qx\", \"right_qy\", "
+      "\"right_qz\"]";
+  std::string left = right;
+  for (std::size_t at = left.find("right"); at != std::string::npos; at = left.find("right"))
+    left.replace(at, 5, "left");
+  EXPECT_EQ(refusal_with("capture.toml", right, left),
+            "capture.toml:32: fixture[1].columns: \"left\" and \"right\" have the same columns of "
+            "clips.csv");
+  // Other columns, the same values at frame 1.
+  EXPECT_EQ(
+      refusal_with("clips.csv", ",0.14757,0.0125,", ",0.00243,0.0125,"),
+      "capture.toml:31: fixture[1].motion: \"left\" and \"right\" are in one place at frame 1");
+  // Near is a matter of the test.
+  EXPECT_EQ(refusal_with("clips.csv", ",0.14757,0.0125,", ",0.00244,0.0125,"), "no error");
+}
+
 TEST_F(ReadMechanical, ClipsAreExactUnlessTheirNoiseIsStated) {
   EXPECT_EQ(read_mechanical_capture(folder_).clip_noise, 0);
   const std::string kind = "kind = \"mechanical\"\n";
@@ -254,6 +292,8 @@ TEST_F(StandardTest, SaysWhatSeparatesTheColumns) {
   EXPECT_THAT(refusal(), StartsWith("curve.csv:1: columns seem to be separated by semicolons"));
   write("curve.csv", "s\tF\n0\t0\n");
   EXPECT_THAT(refusal(), StartsWith("curve.csv:1: columns seem to be separated by tabs"));
+  write("curve.csv", "\n\ns,s\n0,0\n");
+  EXPECT_THAT(refusal(), StartsWith("curve.csv:3: s: two columns of this name"));
 }
 
 TEST_F(StandardTest, ACommaWithinQuotesIsPartOfTheCell) {

@@ -322,6 +322,8 @@ TEST_F(ReadCapture, BadMotionHeadersAreRejected) {
   const std::string text = text_of(folder_ / "corners.csv");
   replace("corners.csv", "time_s", "time");
   EXPECT_EQ(message(), "corners.csv:1: time_s: no such column");
+  write("corners.csv", "\n" + text_of(folder_ / "corners.csv"));
+  EXPECT_EQ(message(), "corners.csv:2: time_s: no such column");
   write("corners.csv", text);
   replace("corners.csv", "right_z_m", "left_z_m");
   EXPECT_THAT(message(), HasSubstr("corners.csv:1: left_z_m: two columns of this name"));

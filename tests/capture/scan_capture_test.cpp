@@ -194,7 +194,8 @@ TEST_F(ReadScan, WritesAndReadsARawScan) {
   EXPECT_EQ(read.clamps.size(), target.clamps.size());
   EXPECT_EQ(copy.truth->filename(), "fabric.toml");
   EXPECT_NEAR((read_scan(read.scan).position - raw.scan.position).norm(), 0, 1e-8);
-  const std::vector<Landmark> landmarks = read_landmarks(read.landmarks);
+  const GridTemplate swatch = make_grid_template(capture.width, capture.height, 3, 3);
+  const std::vector<Landmark> landmarks = read_landmarks(read.landmarks, swatch);
   ASSERT_EQ(landmarks.size(), 2u);
   EXPECT_EQ(landmarks[0].uv, raw.landmarks[0].uv);
   EXPECT_EQ(landmarks[0].position, raw.landmarks[0].position);

@@ -53,6 +53,10 @@ TEST(DrapeShadowOfAMask, MeasuresAreaAndOutline) {
   EXPECT_NEAR(shadow.outline.maxCoeff(), 0.13, 2 * pixel);
   EXPECT_THROW(shadow_of(Mask::Zero(5, 5), pixel), Error);
   EXPECT_THROW(shadow_of(mask, 0), Error);
+  // A pixel that is 1.4 times as wide: more than the specimen covers.
+  EXPECT_THROW(shadow_of(mask, 1.4 * pixel), Error);
+  EXPECT_THROW(shadow_of(mask, 0.6 * pixel), Error);
+  EXPECT_NEAR(shadow_of(mask, 1.24 * pixel).coefficient, 0.98, 0.01);
 }
 
 /// Deflection of the rim of a plate clamped at r = a, free at r = b, under the load q: with w' = t,

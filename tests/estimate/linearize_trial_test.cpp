@@ -51,10 +51,12 @@ class LinearizeTest : public ::testing::Test {
     options.simulation.steps_per_frame = 2;
     trial_ = prepare_trial(capture, 0, 3, options);
     later_ = prepare_trial(capture, 2, 3, options);
+    first_ = prepare_trial(capture, 0, 0, options);
   }
   static void TearDownTestSuite() {
     trial_.reset();
     later_.reset();
+    first_.reset();
     folder_.reset();
   }
 
@@ -71,7 +73,7 @@ class LinearizeTest : public ::testing::Test {
 
   static inline std::unique_ptr<test::TemporaryFolder> folder_;
   static inline std::filesystem::path root_;
-  static inline std::shared_ptr<const Trial> trial_, later_;
+  static inline std::shared_ptr<const Trial> trial_, later_, first_;
 };
 
 TEST_F(LinearizeTest, SlopeOfAParameterIsThatOfItsScale) {
@@ -510,10 +512,9 @@ TEST_F(LinearizeTest, APriorWeighsAsItSaysAgainstTheData) {
 TEST_F(LinearizeTest, APriorWeighsBesideASingleFrame) {
   Fabric start = true_fabric();
   start.set("bend_stiffness", 3e-5);
-  LeastSquaresFitOptions options = fit_from_here();
-  options.stages[0].frames = 1;
   const FitResult sure = run_least_squares_fit(
-      Problem({trial_}, start, {"bend_stiffness"}, {}, {{"bend_stiffness", 8e-5, 1.001}}), options);
+      Problem({first_}, start, {"bend_stiffness"}, {}, {{"bend_stiffness", 8e-5, 1.001}}),
+      fit_from_here());
   EXPECT_NEAR(sure.fabric.value("bend_stiffness"), 8e-5, 2e-6);
   EXPECT_GT(sure.prior_weight, 0);
 }

@@ -68,7 +68,8 @@ TEST_F(ArcsimMaterial, RejectsAnythingElse) {
   expect_error("0.25", "0", "density");
   expect_error("\"density\": 0.25,", "", "density");
   expect_error("\"density\"", "\"mass\"", "mass");
-  expect_error("\"bending\":", "\"bending\"", "not JSON");
+  expect_error("\"bending\":", "\"bending\"", "cloth.json:5: is not JSON");
+  expect_error("0.25", "1e999", "cloth.json:2: 1e999 is too large");
   EXPECT_THROW(read_arcsim_material(folder_.path() / "none.json"), Error);
 }
 

@@ -132,6 +132,21 @@ TEST_F(ScanFile, ReadsPointLists) {
   EXPECT_THAT(refusal(folder_.path() / "none.xyz"), HasSubstr("no such file"));
 }
 
+// An index in front would be read as x.
+TEST_F(ScanFile, WithoutAHeaderOnlySomeCountsSayWhatTheNumbersAre) {
+  EXPECT_EQ(read_scan(write("3.xyz", "1 2 3\n")).colour.cols(), 0);
+  EXPECT_FLOAT_EQ(read_scan(write("6.xyz", "1 2 3 0 51 255\n")).colour(1, 0), 0.2f);
+  EXPECT_FLOAT_EQ(read_scan(write("7.xyz", "1 2 3 9 0 51 255\n")).colour(1, 0), 0.2f);
+  for (const std::string more : {"4", "4 5", "4 5 6 7 8", "4 5 6 7 8 9"}) {
+    const std::string count = std::to_string(3 + (more.size() + 1) / 2);
+    EXPECT_THAT(refusal(write("n.xyz", "# points\n1 2 3 " + more + "\n")),
+                AllOf(HasSubstr("n.xyz:2: " + count + " numbers; without a header"),
+                      HasSubstr("3, 6 with its colour, or 7")));
+  }
+  EXPECT_THAT(refusal(write("m.xyz", "1 2 3\n\n1 2 3 4 5 6\n")),
+              HasSubstr("m.xyz:3: 6 numbers, 3 in the lines before"));
+}
+
 TEST_F(ScanFile, AHeaderSaysWhichColumnsAreThePoints) {
   const Scan scan = read_scan(
       write("a.csv", "id;z;Y;x;nx;blue;green;red\n7;3;2;1;0;51;0;255\n8;6;5;4;0;0;0;0\n"));
@@ -195,6 +210,16 @@ TEST_F(ScanFile, ReadsSequences) {
   ASSERT_EQ(table.size(), 2u);
   EXPECT_EQ(table[1].position.col(1), Vec3(7, 8, 9));
   EXPECT_THAT(refusal(write("u.csv", "frame,x,y,z\n0,1,2,3\n2,4,5,6\n")), HasSubstr("u.csv:3"));
+  // A mark, blank lines and comments do not make one scan of all frames.
+  for (const std::string header : {"\xEF\xBB\xBF"
+                                   "frame,x,y,z\r\n",
+                                   "\n# of Monday\nframe,x,y,z\n", "Frame;X;Y;Z\n"}) {
+    const auto marked = read_scans(write("m.csv", header + "0,1,2,3\n1,4,5,6\n"));
+    ASSERT_EQ(marked.size(), 2u) << header;
+    EXPECT_EQ(marked[1].position.col(0), Vec3(4, 5, 6));
+  }
+  EXPECT_THAT(refusal(write("w.csv", "\nframe,x,y\n0,1,2\n")),
+              HasSubstr("w.csv:2: z: a sequence needs the columns"));
 
   write("s/1.xyz", "1 2 3\n");
   write("s/0.xyz", "4 5 6\n");

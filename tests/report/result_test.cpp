@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -207,6 +208,46 @@ TEST(Result, BadFilesAreRejectedByName) {
               HasSubstr("surfaces[0].error: has 5 numbers instead of 2 x 3"));
   EXPECT_THAT(error_of(changed([](json& f) { f["captures"][0]["fit_frames"] = {1}; })),
               HasSubstr("captures[0].fit_frames: two integers"));
+}
+
+TEST(Result, NumbersThatNoFitFindsAreRefused) {
+  const auto with = [](const char* where, const json& value) {
+    return error_of(changed([&](json& f) { f[json::json_pointer(where)] = value; }));
+  };
+  EXPECT_EQ(
+      with("/evaluations", -3),
+      "result.json: evaluations: an integer from 0 to 18446744073709551615 is needed, not -3");
+  EXPECT_THAT(with("/threads", 5000000000),
+              HasSubstr("threads: an integer from -2147483648 to 2147483647 is needed, not 5000"));
+  EXPECT_THAT(with("/threads", 2.5), HasSubstr("threads: an integer"));
+  EXPECT_THAT(with("/seed", true), HasSubstr("seed: an integer"));
+  EXPECT_THAT(with("/captures/0/fit_frames", {0, 5000000000}),
+              HasSubstr("captures[0].fit_frames: an integer"));
+  EXPECT_THAT(with("/history/evaluation/2", -1), HasSubstr("history.evaluation: an integer"));
+  EXPECT_THAT(with("/settings/columns", 18446744073709551615u),
+              HasSubstr("settings.columns: an integer"));
+  EXPECT_EQ(with("/certainty/overdispersion", -1),
+            "result.json: certainty.overdispersion: -1; at least 1 is needed");
+  EXPECT_THAT(with("/certainty/overdispersion", 0.99), HasSubstr("at least 1"));
+  EXPECT_EQ(with("/certainty/overdispersion", 1), "");
+  EXPECT_THAT(with("/certainty/frames_per_cluster", 0), HasSubstr("frames_per_cluster: 0; at"));
+  EXPECT_EQ(with("/certainty/information/8", -10000),
+            "result.json: certainty.information: element 8 is -10000; on the diagonal at least 0 "
+            "is needed");
+  EXPECT_THAT(with("/certainty/covariance/0", -4e-4),
+              HasSubstr("covariance: element 0 is -0.0004"));
+  EXPECT_EQ(with("/certainty/information/4", -1e-12), "") << "rounding is no error";
+}
+
+TEST(Result, ANumberThatNoDoubleHoldsIsRefusedByLine) {
+  std::string text = result_to_json(sample_report());
+  const std::string wall = "\"wall_s\": 12.5";
+  const std::size_t at = text.find(wall);
+  ASSERT_NE(at, std::string::npos);
+  const auto line = 1 + std::count(text.begin(), text.begin() + std::ptrdiff_t(at), '\n');
+  text.replace(at, wall.size(), "\"wall_s\": 1e999");
+  EXPECT_EQ(error_of(text),
+            "result.json:" + std::to_string(line) + ": 1e999 is too large for a number");
 }
 
 TEST(Result, FilesAreWrittenAndRead) {

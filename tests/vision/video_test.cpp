@@ -114,6 +114,9 @@ TEST_F(Video, EncodedFramesComeBackInOrder) {
 TEST_F(Video, ErrorsNameTheFileAndTheFrame) {
   EXPECT_THAT(failure(folder_ / "none.mp4", 1), HasSubstr("none.mp4"));
   EXPECT_THAT(failure(folder_, 1), HasSubstr(folder_.filename().string()));
+  const std::string longest(300, 'a');
+  for (const std::string& name : {longest, longest + "_%d.png"})
+    EXPECT_THAT(failure(folder_ / name, 1), AllOf(HasSubstr(longest), HasSubstr("too long")));
   write_png(folder_ / "a_0.png", ramp(0));
   write_png(folder_ / "a_2.png", ramp(0));
   EXPECT_THAT(failure(folder_ / "a_%d.png", 3), AllOf(HasSubstr("a_1.png"), HasSubstr("frame 1")));

@@ -61,8 +61,8 @@ Capture read_capture(const std::filesystem::path& folder);
 double image_stripe_period(const Capture& capture);
 
 /// The frames first..last as grey linear images (see read_frames), undistorted. Throws Error if
-/// their size differs from the capture, if the video has fewer frames, or if no cloth is seen in
-/// one of them.
+/// their size differs from the capture, if the video has fewer frames, if no cloth is seen in one
+/// of them, or if the stripes have a period in the image of less than 4 or more than 200 px.
 std::vector<Image> read_video(const Capture& capture, int first, int last);
 
 /// The scene to simulate frames first..last on a grid of columns x rows vertices; `start` empty

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "weft/base/files.h"
 #include "weft/base/quantile.h"
 #include "weft/capture/capture_file.h"
 
@@ -78,13 +79,12 @@ void check_device(const Capture& capture, const Device& device) {
 }  // namespace
 
 void check_file_exists(const std::filesystem::path& file, const SourceLocation& where) {
-  if (!std::filesystem::is_regular_file(file))
-    throw error_at(where, fmt::format("no such file: {}", file.string()));
+  if (!is_file(file, where)) throw error_at(where, fmt::format("no such file: {}", file.string()));
 }
 
 void check_video_exists(const std::filesystem::path& video, const SourceLocation& where) {
-  const bool found = is_pattern(video) ? std::filesystem::is_directory(video.parent_path())
-                                       : std::filesystem::is_regular_file(video);
+  const bool found =
+      is_pattern(video) ? is_folder(video.parent_path(), where) : is_file(video, where);
   if (!found) throw error_at(where, fmt::format("no such file: {}", video.string()));
 }
 

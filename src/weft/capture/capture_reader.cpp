@@ -19,8 +19,7 @@ constexpr Range kAnyNumber{-kInfinity, kInfinity};
 class CaptureReader {
  public:
   explicit CaptureReader(const std::filesystem::path& folder)
-      : folder_(std::filesystem::absolute(folder).lexically_normal()),
-        file_(parse_capture_file(folder_)) {}
+      : folder_(capture_folder(folder)), file_(parse_capture_file(folder_)) {}
 
   Capture read() {
     read_head();

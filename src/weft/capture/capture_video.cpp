@@ -2,13 +2,27 @@
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/base/toml_reader.h"
 #include "weft/capture/capture.h"
+#include "weft/capture/capture_file.h"
 #include "weft/capture/lens.h"
 #include "weft/vision/silhouette.h"
 #include "weft/vision/video.h"
 
 namespace weft {
 namespace {
+
+/// px in the image: what find_silhouette takes, at half the size too (check_cloth).
+constexpr Range kImageStripePeriod{4, 200};
+
+void check_stripe_period(const Capture& capture, double period) {
+  if (period >= kImageStripePeriod.lower && period <= kImageStripePeriod.upper) return;
+  throw error_at(
+      parse_capture_file(capture.folder).table("projector").where("stripe_period"),
+      fmt::format("{:g} projector px are {:.3g} px in the camera's image; must be in [{:g}, {:g}]",
+                  capture.rig.pattern.period, period, kImageStripePeriod.lower,
+                  kImageStripePeriod.upper));
+}
 
 void check_size(const Capture& capture, const Image& frame) {
   if (frame.cols() == capture.rig.width && frame.rows() == capture.rig.height) return;
@@ -62,11 +76,12 @@ std::vector<Image> read_video(const Capture& capture, int first, int last) {
     throw Error(fmt::format("frames {} to {}: the capture \"{}\" has frames 0 to {}", first, last,
                             capture.name, capture.frame_count - 1));
   }
+  const double period = image_stripe_period(capture);
+  check_stripe_period(capture, period);
   std::vector<Image> frames = read_frames(capture.video, last + 1);
   frames.erase(frames.begin(), frames.begin() + first);
   frames.resize(static_cast<std::size_t>(last - first + 1));
   for (const Image& frame : frames) check_size(capture, frame);
-  const double period = image_stripe_period(capture);
   parallel_for(frames.size(), 0, [&](std::size_t i) {
     if (capture.distortion)
       frames[i] = undistort(frames[i], capture.rig.camera, *capture.distortion);

@@ -7,15 +7,33 @@
 
 namespace weft {
 
-std::vector<Landmark> read_landmarks(const std::filesystem::path& path) {
+namespace {
+
+/// As register_scan() wants it.
+void check_on_swatch(const TableFile& table, std::size_t row, const Vec2& uv,
+                     const GridTemplate& swatch) {
+  constexpr double rounding = 1e-9;  // m
+  const Vec2 size(swatch.width, swatch.height);
+  for (Eigen::Index axis = 0; axis < 2; ++axis)
+    if (!(uv[axis] >= -rounding && uv[axis] <= size[axis] + rounding))
+      throw table.fail(
+          row, axis == 0 ? "u_m" : "v_m",
+          fmt::format("{:g} is off the swatch; must be in [0, {:g}]", uv[axis], size[axis]));
+}
+
+}  // namespace
+
+std::vector<Landmark> read_landmarks(const std::filesystem::path& path,
+                                     const GridTemplate& swatch) {
   const TableFile table(path);
   const VecX u = table.numbers("u_m"), v = table.numbers("v_m"), x = table.numbers("x_m"),
              y = table.numbers("y_m"), z = table.numbers("z_m");
   const VecX weight = table.has("weight") ? table.numbers("weight") : VecX(VecX::Ones(u.size()));
   std::vector<Landmark> landmarks;
   for (Eigen::Index k = 0; k < u.size(); ++k) {
-    if (!(weight[k] >= 0))
-      throw table.fail(static_cast<std::size_t>(k), "weight", "must be at least 0");
+    const auto row = static_cast<std::size_t>(k);
+    check_on_swatch(table, row, Vec2(u[k], v[k]), swatch);
+    if (!(weight[k] >= 0)) throw table.fail(row, "weight", "must be at least 0");
     landmarks.push_back({Vec2(u[k], v[k]), Vec3(x[k], y[k], z[k]), weight[k]});
   }
   return landmarks;

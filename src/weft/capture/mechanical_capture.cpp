@@ -41,6 +41,10 @@ bool overlap(const MaterialRectangle& a, const MaterialRectangle& b) {
 /// Where the tables of a capture are asked for, for errors about several of their values.
 struct FixtureSource {
   SourceLocation region, motion;
+  // Of the poses; none in the short form.
+  SourceLocation columns_where{};
+  std::filesystem::path file{};
+  std::vector<std::string> columns{};
 };
 
 /// The line of a cantilevered strip, from the clamp to the tip.
@@ -99,8 +103,7 @@ MeasuredGeometry profile_geometry(const MechanicalCapture& capture) {
 class MechanicalReader {
  public:
   explicit MechanicalReader(const std::filesystem::path& folder)
-      : folder_(std::filesystem::absolute(folder).lexically_normal()),
-        file_(parse_capture_file(folder_)) {}
+      : folder_(capture_folder(folder)), file_(parse_capture_file(folder_)) {}
 
   MechanicalCapture read() {
     read_head();
@@ -156,6 +159,7 @@ class MechanicalReader {
     }
     for (const TomlTable& table : fixtures) read_fixture(table);
     check_one_is_held();
+    check_columns_differ();
     read_geometry_files();
     if (const auto truth = file_.optional_table("truth")) {
       capture_.truth = folder_ / truth->string("parameters");
@@ -214,7 +218,8 @@ class MechanicalReader {
     }
     for (const TomlTable& cord : cords) read_cord(cord, motion, fixture);
     table.finish();
-    sources_.push_back({table.where("region"), table.where("motion")});
+    sources_.push_back({table.where("region"), table.where("motion"), table.where("columns"),
+                        motion.path(), table.strings("columns", 7)});
     capture_.fixtures.push_back(std::move(fixture));
   }
 
@@ -283,6 +288,19 @@ class MechanicalReader {
       if (!fixture.loaded()) return;
     throw error_at({file_.file(), 0, "fixture"},
                    "all have cords or a mass; at least one must be held, without either");
+  }
+
+  /// Two clips cannot be in one place.
+  void check_columns_differ() const {
+    for (std::size_t j = 0; j < sources_.size(); ++j)
+      for (std::size_t i = 0; i < j; ++i) {
+        const FixtureSource &a = sources_[i], &b = sources_[j];
+        if (a.file != b.file || a.columns != b.columns) continue;
+        throw error_at(
+            b.columns_where,
+            fmt::format("\"{}\" and \"{}\" have the same columns of {}", capture_.fixtures[i].name,
+                        capture_.fixtures[j].name, b.file.filename().string()));
+      }
   }
 
   const TableFile& table_file(const TomlTable& table, std::string_view key) {
@@ -548,6 +566,11 @@ class MechanicalReader {
                      fmt::format("regions of {} overlap at frame {}", names, frame));
     }
     const double now = (a.position - b.position).norm();
+    // How near clips may come is the test's; of one that is not held its place is a start.
+    const bool held = !capture_.fixtures[i].loaded() && !capture_.fixtures[j].loaded();
+    if (held && now < kSamePoint)
+      throw error_at(sources_[j].motion,
+                     fmt::format("{} are in one place at frame {}", names, frame));
     const double flat = (a.region.center() - b.region.center()).norm();
     if (now > kMaxClipStretch * flat) {
       throw error_at(
@@ -624,6 +647,7 @@ MeasuredGeometry read_geometry(const MechanicalCapture& capture) {
   const std::filesystem::path& mesh_path = capture.geometry->rest_mesh;
   MeasuredGeometry geometry;
   geometry.mesh = read_material_surface(mesh_path).mesh;
+  check_on_swatch(geometry.mesh, capture.width, capture.height, mesh_path);
   const std::filesystem::path& path = capture.geometry->points;
   geometry.frames = read_pc2(path).frames;
   if (geometry.frames.front().cols() != geometry.mesh.vertex_count()) {

@@ -10,7 +10,8 @@ constexpr std::string_view kTimeColumn = "time_s";
 }  // namespace
 
 MotionFile::MotionFile(const std::filesystem::path& path) : table_(path) {
-  if (!has(kTimeColumn)) throw error_at({path, 1, std::string(kTimeColumn)}, "no such column");
+  if (!has(kTimeColumn))
+    throw error_at({path, table_.header_line(), std::string(kTimeColumn)}, "no such column");
   if (table_.row_count() == 0) throw error_at({path, 0, {}}, "no rows below the header");
   read_times();
 }

@@ -36,8 +36,7 @@ constexpr std::size_t kMostVertices = 1'000'000;
 class ScanReader {
  public:
   explicit ScanReader(const std::filesystem::path& folder)
-      : folder_(std::filesystem::absolute(folder).lexically_normal()),
-        file_(parse_capture_file(folder_)) {}
+      : folder_(capture_folder(folder)), file_(parse_capture_file(folder_)) {}
 
   ScanCapture read() {
     file_.choice("format", {"weft-capture"});
@@ -222,18 +221,6 @@ class ScanReader {
   std::set<std::string> names_;
 };
 
-void check_on_swatch(const ScanCapture& capture, const TriangleMesh& mesh,
-                     const std::filesystem::path& path) {
-  const Vec2 lower = mesh.material.rowwise().minCoeff(), upper = mesh.material.rowwise().maxCoeff();
-  if (lower.minCoeff() < -kOnSwatch || upper.x() > capture.width + kOnSwatch ||
-      upper.y() > capture.height + kOnSwatch)
-    throw error_at(
-        {path, 0, "vt"},
-        fmt::format("(u, v) from ({:g}, {:g}) to ({:g}, {:g}) m; the swatch is {:g} x "
-                    "{:g} m",
-                    lower.x(), lower.y(), upper.x(), upper.y(), capture.width, capture.height));
-}
-
 /// Rows of one frame, where the table has several, as `weft register` writes them.
 std::vector<std::size_t> rows_of_frame(const TableFile& file, int frame) {
   std::vector<std::size_t> rows;
@@ -363,7 +350,7 @@ ScanShape read_scan_shape(const ScanCapture& capture, const ScanTarget& target) 
   ScanShape shape;
   shape.x = std::move(grid.x);
   shape.mesh = std::move(grid.mesh);
-  check_on_swatch(capture, shape.mesh, target.grid);
+  check_on_swatch(shape.mesh, capture.width, capture.height, target.grid);
   const int vertices = shape.mesh.vertex_count();
   if (!target.points.empty()) shape.x = read_frame(target, vertices);
   shape.weights = target.weights.empty() ? VecX::Ones(vertices)

@@ -62,6 +62,7 @@ TableFile::TableFile(const std::filesystem::path& path) : path_(path) {
     if (header_.empty()) {
       if (cells.size() == 1) check_separator(cells.front(), {path_, number, {}});
       header_ = std::move(cells);
+      header_line_ = number;
       continue;
     }
     if (cells.size() != header_.size()) {
@@ -75,7 +76,8 @@ TableFile::TableFile(const std::filesystem::path& path) : path_(path) {
   if (header_.empty()) throw error_at({path_, 0, {}}, "empty; a header row is needed");
   std::set<std::string> names;
   for (const std::string& name : header_) {
-    if (!names.insert(name).second) throw error_at({path_, 1, name}, "two columns of this name");
+    if (!names.insert(name).second)
+      throw error_at({path_, header_line_, name}, "two columns of this name");
   }
 }
 
@@ -91,7 +93,7 @@ std::string TableFile::missing(std::string_view column) const {
 std::size_t TableFile::column_index(std::string_view column) const {
   const auto found = std::find(header_.begin(), header_.end(), column);
   if (found == header_.end())
-    throw error_at({path_, 1, std::string(column)},
+    throw error_at({path_, header_line_, std::string(column)},
                    fmt::format("no such column; there are {}", fmt::join(header_, ", ")));
   return static_cast<std::size_t>(found - header_.begin());
 }

@@ -20,6 +20,7 @@ class TableFile {
 
   const std::filesystem::path& path() const { return path_; }
   const std::vector<std::string>& header() const { return header_; }
+  int header_line() const { return header_line_; }
   std::size_t row_count() const { return rows_.size(); }
   bool has(std::string_view column) const;
   /// That the header does not have `column`, and what it has, for an error elsewhere.
@@ -35,6 +36,7 @@ class TableFile {
  private:
   std::filesystem::path path_;
   std::vector<std::string> header_;
+  int header_line_ = 0;
   std::vector<std::vector<std::string>> rows_;
   std::vector<int> lines_;  ///< where each row stands
 };

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "weft/base/error.h"
+#include "weft/base/files.h"
 
 namespace weft {
 namespace {
@@ -84,12 +85,10 @@ void add_file(ContentHash& hash, const std::filesystem::path& path) {
 
 /// The video file, or all files next to a pattern of numbered images that end as it does.
 void add_video(ContentHash& hash, const std::filesystem::path& video) {
-  if (std::filesystem::is_regular_file(video)) return add_file(hash, video);
+  if (is_file(video)) return add_file(hash, video);
   std::vector<std::filesystem::path> images;
-  std::error_code code;
-  for (const auto& entry : std::filesystem::directory_iterator(video.parent_path(), code))
-    if (entry.is_regular_file() && entry.path().extension() == video.extension())
-      images.push_back(entry.path());
+  for (const auto& entry : entries_of(video.parent_path()))
+    if (entry.extension() == video.extension() && is_file(entry)) images.push_back(entry);
   if (images.empty()) throw Error(fmt::format("{}: no such video", video.string()));
   std::sort(images.begin(), images.end());
   hash.add(video.filename().string());

@@ -23,7 +23,8 @@ constexpr int kLeastFolds = 2, kMostFolds = 12;
 const double kBracketStep = std::log(4.0);
 constexpr double kBoard = 0.95;  // above, pixels hide what the bend does
 constexpr double kNearCoefficient = 1e-3, kNearFactor = 0.02;  // where a search ends
-constexpr double kNearEnd = 0.1;  // that of an end of the interval, of half of it
+constexpr double kPictureSlack = 0.02;  // of a picture's coefficient: its rim is of whole pixels
+constexpr double kNearEnd = 0.1;        // that of an end of the interval, of half of it
 
 void check(const DrapeTest& test) {
   if (test.support > 0 && test.radius > test.support && std::isfinite(test.radius)) return;
@@ -301,7 +302,13 @@ DrapeShadow shadow_of(const Mask& mask, double pixel, const DrapeTest& test) {
         const Vec2 p(static_cast<double>(j) + 0.5, static_cast<double>(i) + 0.5);
         cover.add(pixel * (p - centre), pixel * pixel);
       }
-  return finished(cover, test);
+  const DrapeShadow shadow = finished(cover, test);
+  if (!(shadow.coefficient >= -kPictureSlack && shadow.coefficient <= 1 + kPictureSlack))
+    throw Error(
+        fmt::format("drape: a shadow of {:.3g} m^2 has the coefficient {:.3g}, must be in "
+                    "[0, 1]",
+                    shadow.area, shadow.coefficient));
+  return shadow;
 }
 
 DrapeShape simulate_drape(const Fabric& fabric, double areal_density, const DrapeOptions& options) {

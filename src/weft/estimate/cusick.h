@@ -31,8 +31,8 @@ struct DrapeShadow {
 int count_lobes(const VecX& outline, double prominence = 3e-3);
 /// Of the triangles' projection along z. Where folds overlap they count once.
 DrapeShadow shadow_of(const TriangleMesh& mesh, const Points& x, const DrapeTest& test = {});
-/// Of a picture from above; the shadow's centroid is its centre. Throws Error for an empty one and
-/// `pixel` (m) not above 0.
+/// Of a picture from above; the shadow's centroid is its centre. Throws Error for an empty one,
+/// `pixel` (m) not above 0, and a coefficient outside [0, 1] by more than the rim's pixels can do.
 DrapeShadow shadow_of(const Mask& mask, double pixel, const DrapeTest& test = {});
 
 struct DrapeOptions {

@@ -5,7 +5,9 @@
 #include <cmath>
 
 #include "weft/base/error.h"
+#include "weft/base/files.h"
 #include "weft/capture/capture_checks.h"
+#include "weft/capture/capture_file.h"
 #include "weft/estimate/computed_overhang.h"
 
 namespace weft {
@@ -159,7 +161,7 @@ std::string words_of(const CandidateTest& t) {
 }
 
 std::string words_of(const CandidateCapture& capture) {
-  return "as " + std::filesystem::absolute(capture.folder).lexically_normal().string();
+  return "as " + capture_folder(capture.folder).string();
 }
 
 void check_experiment_value(const std::string& experiment, std::string_view key, double value,
@@ -219,7 +221,7 @@ CandidateTest read_candidate_test(const TomlTable& table) {
 CandidateCapture read_candidate_capture(const TomlTable& table) {
   CandidateCapture capture;
   capture.folder = table.file().parent_path() / table.string("capture");
-  if (!std::filesystem::is_directory(capture.folder))
+  if (!is_folder(capture.folder, table.where("capture")))
     throw error_at(table.where("capture"),
                    fmt::format("\"{}\" is no folder", capture.folder.string()));
   capture.force_noise =

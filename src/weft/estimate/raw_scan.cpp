@@ -46,6 +46,15 @@ Scan read_sampled(const ScanTarget& target, const GridTemplate& grid, const Scan
   return sample_scan(scan, spacing);
 }
 
+std::vector<RegistrationStart> flat_starts_of(const ScanTarget& target, const GridTemplate& grid,
+                                              const Scan& scan, const ScanGeometry& geometry) {
+  try {
+    return flat_starts(grid, scan, geometry, target.u_axis, target.v_axis);
+  } catch (const Error& error) {
+    throw error_at({target.scan, 0, {}}, error.what());
+  }
+}
+
 }  // namespace
 
 RegisteredScan register_raw_scan(const ScanCapture& capture, const ScanTarget& target,
@@ -61,12 +70,12 @@ RegisteredScan register_raw_scan(const ScanCapture& capture, const ScanTarget& t
   const Scan scan = read_sampled(target, grid, source, spacing / 4);
   const ScanGeometry geometry = scan_geometry(scan, 16, options.threads);
   std::vector<Landmark> landmarks;
-  if (!target.landmarks.empty()) landmarks = read_landmarks(target.landmarks);
+  if (!target.landmarks.empty()) landmarks = read_landmarks(target.landmarks, grid);
   std::vector<RegistrationStart> starts;
   if (off_a_line(landmarks))
     starts.push_back({flat_start(grid, landmarks), {}});
   else
-    starts = flat_starts(grid, scan, geometry, target.u_axis, target.v_axis);
+    starts = flat_starts_of(target, grid, scan, geometry);
   const std::vector<Landmark> held = held_of(landmarks, target);
   if (!held.empty() && target.gravity.norm() > 0) {
     HungStartOptions hang;

@@ -9,6 +9,7 @@
 #include "weft/base/error.h"
 #include "weft/base/number_text.h"
 #include "weft/base/random.h"
+#include "weft/base/text_file.h"
 #include "weft/dynamics/held_equilibrium.h"
 
 namespace weft {
@@ -274,7 +275,7 @@ ScanCapture make_synthetic_scans(const std::filesystem::path& folder, const Fabr
   if (options.form == SyntheticScanForm::registered) raw.clear();
   capture.truth = "truth/fabric.toml";
   write_scan_capture(folder, capture, shapes, raw);
-  std::filesystem::create_directories(folder / "truth");
+  make_folder(folder / "truth");
   Fabric truth = fabric;
   truth.areal_density = options.areal_density;
   write_fabric(folder / "truth/fabric.toml", truth);

@@ -4,14 +4,15 @@
 
 #include <cmath>
 #include <fstream>
-#include <nlohmann/json.hpp>
+#include <iterator>
 
 #include "weft/base/error.h"
+#include "weft/base/json_text.h"
 
 namespace weft {
 namespace {
 
-using nlohmann::json;
+using json = nlohmann::ordered_json;
 
 [[noreturn]] void fail(const std::filesystem::path& path, std::string_view key,
                        std::string_view what) {
@@ -48,12 +49,8 @@ void read_table(const std::filesystem::path& path, const json& file, const char*
 Fabric read_arcsim_material(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   if (!in) throw error_at({path, 0, {}}, "cannot be read");
-  json file;
-  try {
-    file = json::parse(in, nullptr, true, true);
-  } catch (const json::parse_error& error) {
-    throw error_at({path, 0, {}}, fmt::format("not JSON: byte {}", error.byte));
-  }
+  const std::string text((std::istreambuf_iterator<char>(in)), {});
+  const json file = parse_json(text, path, JsonComments::passed_over);
   if (!file.is_object()) throw error_at({path, 0, {}}, "expected an object");
   for (const auto& [key, value] : file.items())
     if (key != "density" && key != "stretching" && key != "bending")

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fstream>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "weft/base/error.h"
@@ -228,8 +229,10 @@ void write_ply(const std::filesystem::path& path, const TriangleMesh& mesh, cons
 
 PointCache read_pc2(const std::filesystem::path& path) {
   std::ifstream stream = open_to_read(path);
-  const auto file_size = static_cast<std::uint64_t>(std::filesystem::file_size(path));
   const auto fail = [&](const std::string& reason) { return error_at({path, 0, {}}, reason); };
+  std::error_code failure;
+  const std::uint64_t file_size = std::filesystem::file_size(path, failure);
+  if (failure) throw fail(fmt::format("cannot be read: {}", failure.message()));
   char header[kPc2HeaderSize];
   if (!stream.read(header, sizeof header) || std::memcmp(header, kPc2Signature, 12) != 0) {
     throw fail("not a PC2 file (no POINTCACHE2 header)");

@@ -8,13 +8,13 @@
 #include <fstream>
 #include <initializer_list>
 #include <iterator>
-#include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <string_view>
 
 #include "weft/base/error.h"
+#include "weft/base/files.h"
 #include "weft/base/number_text.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/scan.h"
@@ -37,6 +37,12 @@ std::string ending_of(const fs::path& path) {
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return ending;
+}
+
+std::string_view without_mark(std::string_view text) {
+  constexpr std::string_view mark = "\xEF\xBB\xBF";  // of UTF-8
+  if (text.starts_with(mark)) text.remove_prefix(mark.size());
+  return text;
 }
 
 bool is_list(const std::string& ending) {
@@ -120,7 +126,7 @@ constexpr auto kNone = static_cast<std::size_t>(-1);
 
 /// Which numbers of a line are what.
 struct ListColumns {
-  std::size_t count = 0;  ///< of a line; 0: at least 3, not by a header
+  std::size_t count = 0;  ///< of a line; 0: no header says it
   std::array<std::size_t, 3> position{0, 1, 2};
   std::array<std::size_t, 3> colour{kNone, kNone, kNone};
 
@@ -169,12 +175,6 @@ class ListReader {
   }
 
  private:
-  static std::string_view without_mark(std::string_view text) {
-    constexpr std::string_view mark = "\xEF\xBB\xBF";  // of UTF-8
-    if (text.starts_with(mark)) text.remove_prefix(mark.size());
-    return text;
-  }
-
   static bool is_header(std::string_view line) {
     const auto words = words_of(line);
     return !words.empty() && words[0].front() != '#' && !signed_number(words[0]);
@@ -194,20 +194,35 @@ class ListReader {
     if (numbers.empty()) return;
     // A lone number is a count of points, as PTS files begin with.
     if (numbers.size() == 1 && list_.position.empty() && columns_.count == 0) return;
-    if (columns_.count > 0 && numbers.size() != columns_.count)
-      throw error_at({path_, lines_.number(), {}},
-                     fmt::format("{} numbers, {} columns", numbers.size(), columns_.count));
-    if (numbers.size() < 3)
-      throw error_at({path_, lines_.number(), {}},
-                     fmt::format("{} numbers; a point has at least 3", numbers.size()));
+    check_count(numbers.size());
     list_.position.push_back(vector_at(numbers, columns_.position));
     if (columns_.coloured()) {
       list_.colour.push_back(vector_at(numbers, columns_.colour).cast<float>());
     } else if (columns_.count == 0 && numbers.size() >= 6) {
       // PTS: x y z intensity red green blue.
-      const std::size_t first = numbers.size() == 7 ? 4 : 3;
+      const std::size_t first = numbers.size() - 3;
       list_.colour.push_back(vector_at(numbers, {first, first + 1, first + 2}).cast<float>());
     }
+  }
+
+  /// Without a header only these counts say what the numbers are.
+  void check_count(std::size_t count) {
+    if (columns_.count > 0) {
+      if (count != columns_.count)
+        throw error_at({path_, lines_.number(), {}},
+                       fmt::format("{} numbers, {} columns", count, columns_.count));
+      return;
+    }
+    if (count != 3 && count != 6 && count != 7)
+      throw error_at(
+          {path_, lines_.number(), {}},
+          fmt::format("{} numbers; without a header that names x, y and z a point has 3, "
+                      "6 with its colour, or 7 with intensity and colour",
+                      count));
+    if (first_count_ == 0) first_count_ = count;
+    if (count != first_count_)
+      throw error_at({path_, lines_.number(), {}},
+                     fmt::format("{} numbers, {} in the lines before", count, first_count_));
   }
 
   Vec3 vector_at(const std::vector<double>& numbers, const std::array<std::size_t, 3>& at) const {
@@ -220,6 +235,7 @@ class ListReader {
   std::string text_;
   Lines lines_;
   ListColumns columns_;
+  std::size_t first_count_ = 0;  ///< of the first point, without a header
   PointList list_;
 };
 
@@ -561,34 +577,50 @@ std::vector<Scan> read_pcseq(const fs::path& path, double unit) {
   return scans;
 }
 
+/// The words of the first line that is neither blank nor a comment.
+std::vector<std::string_view> header_of(Lines& lines) {
+  std::string_view line;
+  while (lines.next(line)) {
+    auto words = words_of(line);
+    if (!words.empty() && words[0].front() != '#') return words;
+  }
+  return {};
+}
+
+bool is_sequence(std::string_view text) {
+  Lines lines(text);
+  const auto header = header_of(lines);
+  return std::ranges::any_of(header, [](auto word) { return plain_name(word) == "frame"; });
+}
+
 /// A CSV with a column `frame`.
-std::vector<Scan> read_frames_csv(const fs::path& path, const std::string& text, double unit) {
+std::vector<Scan> read_frames_csv(const fs::path& path, std::string_view text, double unit) {
   std::vector<PointList> frames;
   Lines lines(text);
   std::string_view line;
-  std::map<std::string, std::size_t, std::less<>> column;
-  lines.next(line);
-  for (const std::string_view word : words_of(line)) column.emplace(word, column.size());
-  for (const char* name : {"frame", "x", "y", "z"}) {
-    if (!column.contains(name)) {
-      throw error_at({path, 1, name}, "a sequence needs the columns frame, x, y, z");
-    }
-  }
+  const auto header = header_of(lines);
+  const auto place = [&](const char* name) {
+    const auto found = std::ranges::find(header, name, plain_name);
+    if (found == header.end())
+      throw error_at({path, lines.number(), name}, "a sequence needs the columns frame, x, y, z");
+    return static_cast<std::size_t>(found - header.begin());
+  };
+  const std::size_t frame_at = place("frame"), x = place("x"), y = place("y"), z = place("z");
   while (lines.next(line)) {
     const auto numbers = line_numbers(line, path, lines.number());
     if (numbers.empty()) continue;
-    if (numbers.size() != column.size()) {
+    if (numbers.size() != header.size()) {
       throw error_at({path, lines.number(), {}},
-                     fmt::format("{} numbers, {} columns", numbers.size(), column.size()));
+                     fmt::format("{} numbers, {} columns", numbers.size(), header.size()));
     }
-    const double frame = numbers[column["frame"]];
+    const double frame = numbers[frame_at];
     const auto last = static_cast<double>(frames.size()) - 1;
     if (frame != last && frame != last + 1) {
       throw error_at({path, lines.number(), "frame"},
                      fmt::format("{} after {}: frames count 0, 1, 2 ...", frame, last));
     }
     if (frame > last) frames.emplace_back();
-    const Vec3 p(numbers[column["x"]], numbers[column["y"]], numbers[column["z"]]);
+    const Vec3 p(numbers[x], numbers[y], numbers[z]);
     if (!p.allFinite()) throw error_at({path, lines.number(), {}}, "a position that is not finite");
     frames.back().position.push_back(p);
   }
@@ -618,12 +650,11 @@ Scan read_scan(const fs::path& path, double unit) {
 
 std::vector<Scan> read_scans(const fs::path& path, double unit) {
   check_unit(unit);
-  std::error_code status;
-  if (fs::is_directory(path, status)) {
+  if (is_folder(path)) {
     std::vector<fs::path> files;
-    for (const auto& entry : fs::directory_iterator(path)) {
-      const std::string ending = ending_of(entry.path());
-      if (ending == ".ply" || ending == ".obj" || is_list(ending)) files.push_back(entry.path());
+    for (const fs::path& entry : entries_of(path)) {
+      const std::string ending = ending_of(entry);
+      if (ending == ".ply" || ending == ".obj" || is_list(ending)) files.push_back(entry);
     }
     std::sort(files.begin(), files.end());
     if (files.empty()) throw error_at({path, 0, {}}, "a folder without scans");
@@ -641,11 +672,7 @@ std::vector<Scan> read_scans(const fs::path& path, double unit) {
   if (ending_of(path) == ".pcseq") return read_pcseq(path, unit);
   if (ending_of(path) == ".csv") {
     const std::string text = read_all(path);
-    const std::string_view first(text.data(), std::min(text.find('\n'), text.size()));
-    const auto words = words_of(first);
-    if (std::find(words.begin(), words.end(), "frame") != words.end()) {
-      return read_frames_csv(path, text, unit);
-    }
+    if (is_sequence(without_mark(text))) return read_frames_csv(path, without_mark(text), unit);
   }
   std::vector<Scan> scans;
   scans.push_back(read_scan(path, unit));

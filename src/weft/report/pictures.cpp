@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "weft/base/error.h"
+#include "weft/base/files.h"
 #include "weft/report/colour_map.h"
 
 namespace weft {
@@ -287,17 +288,14 @@ void write_capture_pictures(const std::filesystem::path& folder, const CapturePi
 }
 
 CapturePictures read_capture_pictures(const std::filesystem::path& folder, std::string capture) {
-  std::error_code code;
   std::map<int, std::map<std::string, std::filesystem::path>> found;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, code)) {
-    const auto& path = entry.path();
+  for (const std::filesystem::path& path : entries_of(folder)) {
     if (path.extension() != ".jpg" && path.extension() != ".png") continue;
     for (const auto& [kind, member] : kKinds) {
       const int frame = frame_of(path.stem().string(), kind);
       if (frame >= 0) found[frame][kind] = path;
     }
   }
-  if (code) throw Error(folder.string() + ": cannot be read: " + code.message());
   CapturePictures result{std::move(capture), {}};
   for (const auto& [frame, files] : found) {
     FramePictures& pictures = result.frames.emplace_back();

@@ -8,8 +8,11 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <type_traits>
+#include <utility>
 
 #include "weft/base/error.h"
+#include "weft/base/json_text.h"
 
 namespace weft {
 namespace {
@@ -236,6 +239,9 @@ Json array_of(const std::vector<Element>& elements) {
 
 // ---- Reading
 
+template <typename Value>
+constexpr bool is_integer = std::is_integral_v<Value> && !std::is_same_v<Value, bool>;
+
 /// An object of the file and the way to it, which errors name.
 class Reader {
  public:
@@ -248,11 +254,22 @@ class Reader {
 
   template <typename Value>
   void get(const std::string& key, Value& value) const {
+    if constexpr (is_integer<Value>) {
+      value = integer<Value>(key, at(key));
+      return;
+    }
     try {
       at(key).get_to(value);
     } catch (const Json::exception&) {
       fail(key, fmt::format("has a wrong type ({})", at(key).type_name()));
     }
+  }
+
+  template <typename Integer>
+  requires is_integer<Integer>
+  void get(const std::string& key, std::vector<Integer>& values) const {
+    values.clear();
+    for (const Json& element : array(key)) values.push_back(integer<Integer>(key, element));
   }
 
   void get(const std::string& key, double& value) const {
@@ -345,6 +362,19 @@ class Reader {
     return at(key);
   }
 
+  template <typename Integer>
+  Integer integer(const std::string& key, const Json& value) const {
+    const bool held =
+        value.is_number_unsigned()
+            ? std::in_range<Integer>(value.get<std::uint64_t>())
+            : value.is_number_integer() && std::in_range<Integer>(value.get<std::int64_t>());
+    using Limits = std::numeric_limits<Integer>;
+    if (!held)
+      fail(key, fmt::format("an integer from {} to {} is needed, not {}", Limits::min(),
+                            Limits::max(), value.dump()));
+    return value.get<Integer>();
+  }
+
   double number(const std::string& key, const Json& value) const {
     if (!value.is_number()) fail(key, fmt::format("a number is needed, not {}", value.dump()));
     return value.get<double>();
@@ -401,6 +431,17 @@ ReportParameter parameter_from(const std::string& name, const Reader& in) {
   return p;
 }
 
+/// What squares add up to, but for what rounding takes from zero.
+void check_diagonal(const Reader& in, const std::string& key, const MatX& matrix) {
+  constexpr double kRounding = 1e-9;
+  double largest = 0;
+  for (const double value : matrix.diagonal()) largest = std::max(largest, value);
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i)
+    if (matrix(i, i) < -kRounding * largest)
+      in.fail(key, fmt::format("element {} is {:g}; on the diagonal at least 0 is needed",
+                               i * (matrix.rows() + 1), matrix(i, i)));
+}
+
 ReportCertainty certainty_from(const Reader& in) {
   ReportCertainty certainty;
   in.get("confidence", certainty.confidence);
@@ -408,8 +449,16 @@ ReportCertainty certainty_from(const Reader& in) {
   in.get("condition", certainty.condition);
   in.get("noise", certainty.noise);
   in.get("dispersion", certainty.dispersion);
-  if (in.has("overdispersion")) in.get("overdispersion", certainty.overdispersion.emplace());
+  if (in.has("overdispersion")) {
+    double& overdispersion = certainty.overdispersion.emplace();
+    in.get("overdispersion", overdispersion);
+    if (overdispersion < 1)
+      in.fail("overdispersion", fmt::format("{:g}; at least 1 is needed", overdispersion));
+  }
   in.get("frames_per_cluster", certainty.frames_per_cluster);
+  if (certainty.frames_per_cluster < 1)
+    in.fail("frames_per_cluster",
+            fmt::format("{}; at least 1 is needed", certainty.frames_per_cluster));
   if (in.has("left_out")) in.get("left_out", certainty.left_out);
   in.get("parameters", certainty.parameters);
   const std::size_t n = certainty.parameters.size();
@@ -421,6 +470,8 @@ ReportCertainty certainty_from(const Reader& in) {
     in.get("slope", slope, n, 1);
     certainty.slope = slope;
   }
+  check_diagonal(in, "covariance", certainty.covariance);
+  check_diagonal(in, "information", certainty.information);
   return certainty;
 }
 
@@ -525,7 +576,9 @@ std::vector<std::pair<std::string, ReportValue>> settings_from(const Reader& in)
     if (value.is_boolean()) {
       settings.emplace_back(key, value.get<bool>());
     } else if (value.is_number_integer()) {
-      settings.emplace_back(key, value.get<std::int64_t>());
+      std::int64_t number = 0;
+      in.get(key, number);
+      settings.emplace_back(key, number);
     } else if (value.is_number() || value.is_null()) {
       double number = 0;
       in.get(key, number);
@@ -540,20 +593,6 @@ std::vector<std::pair<std::string, ReportValue>> settings_from(const Reader& in)
     }
   }
   return settings;
-}
-
-/// 1-based line of a byte position.
-int line_of(std::string_view text, std::size_t byte) {
-  return 1 +
-         static_cast<int>(std::ranges::count(text.substr(0, std::min(byte, text.size())), '\n'));
-}
-
-Json parse(std::string_view text, const std::filesystem::path& name) {
-  try {
-    return Json::parse(text);
-  } catch (const Json::parse_error& error) {
-    throw error_at({name, line_of(text, error.byte), ""}, "is not JSON");
-  }
 }
 
 }  // namespace
@@ -595,7 +634,7 @@ std::string result_to_json(const Report& report) {
 }
 
 Report result_from_json(std::string_view text, const std::filesystem::path& name) {
-  const Json json = parse(text, name);
+  const Json json = parse_json(text, name);
   const Reader in(json, name.string(), "");
   if (json.value("format", Json()) != "weft-result") in.fail("format", "\"weft-result\" is needed");
   if (json.value("version", Json()) != kVersion) {

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "weft/base/error.h"
+#include "weft/base/files.h"
 
 namespace weft {
 namespace {
@@ -111,12 +112,12 @@ void require_same_size(const Image& first, const Image& frame, const std::string
 }
 
 std::vector<Image> read_numbered(const NumberedImages& images, int frame_count) {
-  const int first = fs::exists(images.file(0)) ? 0 : 1;
+  const int first = path_exists(images.file(0)) ? 0 : 1;
   std::vector<Image> frames;
   for (int frame = 0; frame < frame_count; ++frame) {
     const fs::path file = images.file(first + frame);
     const std::string where = frame_of(file, frame);
-    if (!fs::exists(file)) throw Error(where + ": no such file");
+    if (!path_exists(file)) throw Error(where + ": no such file");
     const cv::Mat picture = cv::imread(file.string(), cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH);
     if (picture.empty()) throw Error(where + ": cannot be read as an image");
     frames.push_back(to_grey(picture, where));
@@ -126,7 +127,7 @@ std::vector<Image> read_numbered(const NumberedImages& images, int frame_count) 
 }
 
 std::vector<Image> read_video_file(const fs::path& path, int frame_count) {
-  if (!fs::is_regular_file(path)) throw Error(path.string() + ": no such video file");
+  if (!is_file(path)) throw Error(path.string() + ": no such video file");
   cv::VideoCapture video(path.string(), cv::CAP_FFMPEG);
   if (!video.isOpened()) throw Error(path.string() + ": cannot be read as a video");
   std::vector<Image> frames;
