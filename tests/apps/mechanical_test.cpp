@@ -193,6 +193,42 @@ TEST_F(Mechanical, AnEarlierResultThatCannotBeRemoved) {
             path("out/result.json") + ": cannot be removed: Directory not empty");
 }
 
+// A range that ends below what the data want: the likelihood rises up to its end, and samples keep
+// near it by that slope.
+TEST_F(Mechanical, PosteriorAtABound) {
+  Fabric known = Fabric::with_defaults("known", "soft-constraints");
+  known.set("weft_stretch", 300);
+  write("known.toml", fabric_to_toml(known));
+  replace("known.toml", "upper = 1000000", "upper = 400");
+  ASSERT_EQ(weft({"fit", path("strip"), "--out", path("out"), "--initial", path("known.toml"),
+                  "--cells", "3", "--parameters", "weft_stretch", "--no-mesh-error"})
+                .status,
+            0);
+  const json result = json::parse(text_of(folder_ / "out/result.json"));
+  const json &stretch = result["parameters"]["weft_stretch"], &certainty = result["certainty"];
+  ASSERT_EQ(stretch["at_bound"], "upper");
+  const double over = certainty["overdispersion"].get<double>(),
+               slope = certainty["slope"][0].get<double>() / over,
+               information = certainty["information"][0].get<double>() / over;
+  EXPECT_LT(slope, 0);
+  // The share of the density within `d` of the end, by sums.
+  const auto share = [&](double d) {
+    double inside = 0, all = 0;
+    for (int i = 0; i < 100000; ++i) {
+      const double x = (i + 0.5) / 100000;
+      const double density = std::exp(slope * x - 0.5 * information * x * x);
+      all += density;
+      if (x < d) inside += density;
+    }
+    return inside / all;
+  };
+  ASSERT_EQ(weft({"posterior", path("out"), "--steps", "4000"}).status, 0);
+  const json posterior = json::parse(text_of(folder_ / "out/posterior.json"));
+  const double range = std::log(stretch["upper"].get<double>() / stretch["lower"].get<double>());
+  const double low = posterior["parameters"]["weft_stretch"]["quantiles"]["0.05"].get<double>();
+  EXPECT_NEAR(share(std::log(stretch["upper"].get<double>() / low) / range), 0.95, 0.02);
+}
+
 // On 16 cells a search begins on 8, of a model without an incremental order, too.
 TEST_F(Mechanical, AJointFitOfCurvesBeginsOnHalfTheCells) {
   const Outcome outcome =
