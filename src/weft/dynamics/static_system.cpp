@@ -148,8 +148,9 @@ bool StaticSystem::is_stable() {
 }
 
 /// Leaves a saddle along its direction of most negative curvature, found by inverse iteration, on
-/// the side and as far as the potential falls.
-void StaticSystem::escape() {
+/// the side and as far as the potential falls. False where kFirstEscape to either side does not
+/// lower it: a curvature that weak moves nothing that is seen.
+bool StaticSystem::escape() {
   do {
     regularization_ = std::max(4 * regularization_, 1.0);
   } while (!factorize(HessianKind::exact) && regularization_ < kLargestRegularization);
@@ -174,7 +175,9 @@ void StaticSystem::escape() {
     best = potential;
     std::swap(x_, trial_);
   }
+  const bool fell = best < potential_;
   potential_ = best;
+  return fell;
 }
 
 StaticResult StaticSystem::solve(Points start, const StaticOptions& options) {
@@ -190,12 +193,12 @@ StaticResult StaticSystem::solve(Points start, const StaticOptions& options) {
     result.residual = largest_free_force();
     if (!std::isfinite(result.residual)) break;
     if (result.residual < options.force_tolerance) {
-      if (is_stable()) {
+      const bool stable = is_stable();
+      if (stable) factored_at_ = x_;
+      if (stable || !escape()) {
         result.converged = true;
-        factored_at_ = x_;
         break;
       }
-      escape();
       continue;
     }
     if (!find_step()) {

@@ -38,7 +38,7 @@ class StaticSystem {
   bool leap();
   bool finish_by_factor(double force_tolerance, StaticResult& result);
   bool is_stable();
-  void escape();
+  bool escape();
 
   const StaticPotential& model_;
   std::vector<char> held_;
