@@ -35,9 +35,9 @@ struct EstimateOfFit {
   double value(std::size_t i) const;
   Fabric at(const VecX& scaled) const;
 };
-/// Throws Error where fabric.toml in a fit's folder, read as `fabric`, has not the model, values and
-/// ranges of its result.json: its matrices are about its own estimate, in coordinates of its own
-/// ranges.
+/// Throws Error where fabric.toml in a fit's folder, read as `fabric`, has not the model, values
+/// and ranges of its result.json: its matrices are about its own estimate, in coordinates of its
+/// own ranges.
 void check_same_fabric(const Report& report, const Fabric& fabric,
                        const std::filesystem::path& folder);
 

@@ -42,9 +42,9 @@ bool overlap(const MaterialRectangle& a, const MaterialRectangle& b) {
 struct FixtureSource {
   SourceLocation region, motion;
   // Of the poses; none in the short form.
-  SourceLocation columns_where{};
-  std::filesystem::path file{};
-  std::vector<std::string> columns{};
+  SourceLocation columns_where;
+  std::filesystem::path file;
+  std::vector<std::string> columns;
 };
 
 /// The line of a cantilevered strip, from the clamp to the tip.
@@ -384,7 +384,7 @@ class MechanicalReader {
     curve.finish();
     check_has_rows(file);
     take(strip_capture(size, displacement, force));
-    sources_.assign(2, {curve.where("displacement"), curve.where("displacement")});
+    sources_.assign(2, {curve.where("displacement"), curve.where("displacement"), {}, {}, {}});
   }
 
   static void check_has_rows(const TableFile& file) {
@@ -452,7 +452,7 @@ class MechanicalReader {
     check_orientation(profile, degrees * kDegree, file.path());
     size.free_length = profile.arc[profile.arc.size() - 1];
     take(cantilever_capture(size, degrees * kDegree, profile.at.col(0)));
-    sources_.assign(1, {table.where("file"), table.where("file")});
+    sources_.assign(1, {table.where("file"), table.where("file"), {}, {}, {}});
     capture_.geometry = GeometryFiles{file.path(), file.path()};
   }
 
@@ -473,7 +473,7 @@ class MechanicalReader {
     test.deviation = deviation ? *deviation * unit : overhang_deviation(test.lengths);
     table.finish();
     take(overhang_capture(size, std::move(test)));
-    sources_.assign(1, {table.where(), table.where()});
+    sources_.assign(1, {table.where(), table.where(), {}, {}, {}});
   }
 
   /// In the table's unit of `unit` m.

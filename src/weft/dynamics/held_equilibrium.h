@@ -65,7 +65,8 @@ std::unique_ptr<EquilibriumSolver> make_static_solver(
 /// otherwise; their gravity, loads and derivatives are not read. Takes fabrics of model "stvk"
 /// whose plate has one rigidity b: bend_uu = bend_vv = b, bend_twist = b / 2, bend_uv nothing
 /// (kNoBendCoupling, or 1e-6 b at most); throws Error for others. The derivatives by b stand in the
-/// column of bend_uu, those of bend_vv and bend_twist are zero: right where the three move together.
+/// column of bend_uu, those of bend_vv and bend_twist are zero: right where the three move
+/// together.
 std::unique_ptr<EquilibriumSolver> make_xpbd_solver(XpbdOptions options = xpbd_solver_options());
 
 }  // namespace weft
