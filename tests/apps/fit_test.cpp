@@ -406,6 +406,28 @@ TEST_F(Fit, AKilledRunContinuesWithoutRepeatingAnEvaluation) {
   }
 }
 
+// The same of the default method, killed within its descents.
+TEST_F(Fit, AKilledDescentContinues) {
+  const auto words = [&](const std::string& out, const std::string& threads) {
+    return quick_fit(out, {"--parameters", "bend_stiffness", "stretch_stiffness", "--hops", "1",
+                           "--no-mesh-error", "--threads", threads});
+  };
+  {
+    ChildProcess child(command(words("out", "2")));
+    ASSERT_TRUE(child.wait_for("hops: ")) << child.err();
+    child.send(SIGKILL);
+    child.wait();
+    ASSERT_EQ(child.status(), -SIGKILL) << "the fit ended before it could be killed";
+  }
+  const std::size_t made = rows_of(folder_ / "out/evaluations.sqlite").size();
+  const Outcome resumed = weft(words("out", "2"));
+  ASSERT_EQ(resumed.status, 0) << resumed.err;
+  EXPECT_THAT(resumed.out, HasSubstr("replayed"));
+  EXPECT_GE(rows_of(folder_ / "out/evaluations.sqlite").size(), made);
+  ASSERT_EQ(weft(words("whole", "1")).status, 0);
+  EXPECT_EQ(without_circumstances(result("out")), without_circumstances(result("whole")));
+}
+
 TEST_F(Fit, TheVariabilityDoesNotDependOnTheThreads) {
   json results[2];
   for (int i = 0; i < 2; ++i) {
