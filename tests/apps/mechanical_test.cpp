@@ -630,14 +630,14 @@ TEST_F(Mechanical, FitsTogetherWithAVideo) {
                                        "--iterations",
                                        "2",
                                        "--cells",
-                                       "3",
-                                       "--no-variability"};
+                                       "3"};
   const Outcome outcome = weft(words);
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   const json result = json::parse(text_of(folder_ / "both/result.json"));
   const json& found = result["parameters"]["stretch_stiffness"];
   EXPECT_NEAR(found["value"].get<double>(), stiffness, 0.02 * stiffness);
-  EXPECT_TRUE(found["determined"].get<bool>());
+  // By the test, whatever the video's variability.
+  EXPECT_TRUE(found["determined"].get<bool>()) << found;
   EXPECT_EQ(result["mechanical"][0]["name"], "strip");
   EXPECT_EQ(result["captures"].size(), 1u);
   const std::string page = text_of(folder_ / "both/report.html");
