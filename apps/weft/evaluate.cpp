@@ -1,6 +1,5 @@
 #include <fmt/core.h>
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -92,8 +91,6 @@ void run_mechanical(const EvaluateArguments& arguments) {
     fmt::print("{}\n{}", summary(evaluation), complaints(evaluation));
 }
 
-bool is_raw(const ScanTarget& target) { return target.grid.empty(); }
-
 void run_evaluate(const EvaluateArguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   const Capture capture = read_capture(arguments.capture);
@@ -137,8 +134,7 @@ void add_evaluate(CLI::App& app) {
     if (kind == CaptureKind::scan) {
       refuse_options(*command, video_option_names(), "a scan");
       const ScanCapture capture = read_scan_capture(arguments->capture);
-      if (std::ranges::none_of(capture.targets, is_raw))
-        refuse_options(*command, {"--registered-cells"}, "grids that are registered");
+      check_registered_cells(*command, {capture});
       evaluate_scan(capture, arguments->fabric,
                     arguments->scan.options(*command, arguments->trial.threads()),
                     *arguments->scan.solver(), arguments->json, arguments->trial.threads());

@@ -510,6 +510,10 @@ void run_scan(const FitArguments& arguments, const CLI::App& command) {
   refuse_options(command, cost_option_names(), "scans");
   refuse_options(command, {"--start"}, "scans");
   refuse_without(command, "--random-starts", {"--seed"});
+  std::vector<ScanCapture> captures;
+  for (const std::string& folder : arguments.captures)
+    captures.push_back(read_scan_capture(folder));
+  check_registered_cells(command, captures);
   if (arguments.scan_fit.schedule != "alternating" && command.count("--rounds") > 0)
     throw Error("--rounds: only with --schedule alternating");
   ScanFitArguments fit = arguments.scan_fit;

@@ -206,6 +206,13 @@ std::string scan_summary(const ScanTrial& trial, const ScanDifference& d) {
   return text + "\n";
 }
 
+void check_registered_cells(const CLI::App& command, const std::vector<ScanCapture>& captures) {
+  for (const ScanCapture& capture : captures)
+    for (const ScanTarget& target : capture.targets)
+      if (target.grid.empty()) return;
+  refuse_options(command, {"--registered-cells"}, "grids that are registered");
+}
+
 void evaluate_scan(const ScanCapture& capture, const std::string& fabric,
                    const ScanOptions& options, const EquilibriumSolver& solver, bool json,
                    int threads) {

@@ -36,6 +36,8 @@ std::string registration_summary(const ScanTrial& trial);
 nlohmann::json registration_json(const ScanTrial& trial);
 
 void check_scan(const std::string& folder);
+/// Throws Error for --registered-cells where no target of the captures is a raw scan.
+void check_registered_cells(const CLI::App& command, const std::vector<ScanCapture>& captures);
 void evaluate_scan(const ScanCapture& capture, const std::string& fabric,
                    const ScanOptions& options, const EquilibriumSolver& solver, bool json,
                    int threads);

@@ -250,6 +250,8 @@ TEST_F(Scan, RefusesWhatIsNotForScans) {
   EXPECT_EQ(ProgramTest::refusal({"evaluate", path("scan"), "--fabric", "larionov-cotton",
                                   "--registered-cells", "9"}),
             "--registered-cells: means nothing for grids that are registered");
+  EXPECT_THAT(refusal({"--registered-cells", "9"}),
+              HasSubstr("--registered-cells: means nothing for grids that are registered"));
   const Outcome simulated =
       weft({"simulate", path("scan"), "--fabric", "satin", "--out", path("x.pc2")});
   EXPECT_EQ(simulated.status, 2);
