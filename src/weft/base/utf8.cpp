@@ -3,10 +3,8 @@
 #include <fmt/format.h>
 
 namespace weft {
-namespace {
 
-/// Bytes of the character that `text`, which is not empty, begins with; 0: with none.
-std::size_t character_length(std::string_view text) {
+std::size_t utf8_length(std::string_view text) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const unsigned char first = byte(0);
   if (first < 0x80) return 1;
@@ -21,11 +19,9 @@ std::size_t character_length(std::string_view text) {
   return length;
 }
 
-}  // namespace
-
 bool is_utf8(std::string_view text) {
   while (!text.empty()) {
-    const std::size_t length = character_length(text);
+    const std::size_t length = utf8_length(text);
     if (length == 0) return false;
     text.remove_prefix(length);
   }
@@ -35,7 +31,7 @@ bool is_utf8(std::string_view text) {
 std::string utf8_escaped(std::string_view text) {
   std::string result;
   while (!text.empty()) {
-    const std::size_t length = character_length(text);
+    const std::size_t length = utf8_length(text);
     if (length > 0)
       result += text.substr(0, length);
     else

@@ -290,11 +290,8 @@ class UncertaintyOfEstimate {
     VecX gradient = VecX::Zero(scaled_.size());
     for (const CostPart& cluster : clusters_) gradient += cluster.gradient;
     gradient += prior().gradient;
-    for (Eigen::Index i = 0; i < scaled_.size(); ++i) {
-      const bool held = (scaled_[i] < at_bound_distance && gradient[i] > 0) ||
-                        (scaled_[i] > 1 - at_bound_distance && gradient[i] < 0);
-      (held ? held_ : free_).push_back(i);
-    }
+    for (Eigen::Index i = 0; i < scaled_.size(); ++i)
+      (held_at_bound(scaled_[i], gradient[i]) ? held_ : free_).push_back(i);
   }
 
   bool is_held(Eigen::Index i) const {

@@ -261,9 +261,7 @@ VecX variability_from_derivatives(const Problem& problem, const VecX& scaled, do
   for (int i = 0; i < problem.dimension(); ++i) {
     const double curvature = model.hessian(i, i), gradient = model.gradient[i];
     const double value = from_scaled(problem.info(i), scaled[i]);
-    const bool held = (scaled[i] < at_bound_distance && gradient > 0) ||
-                      (scaled[i] > 1 - at_bound_distance && gradient < 0);
-    const double slope = held ? std::abs(gradient) : 0;
+    const double slope = held_at_bound(scaled[i], gradient) ? std::abs(gradient) : 0;
     if (!(curvature > 0 || slope > 0) || value == 0) continue;
     // The root of slope s + curvature s^2 / 2 = rise error, without a difference of like numbers.
     const double change =

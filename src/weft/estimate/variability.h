@@ -10,6 +10,11 @@ namespace weft {
 
 /// An estimate nearer to a bound of its range than this, in scaled coordinates, lies at it.
 inline constexpr double at_bound_distance = 0.01;
+/// Whether a parameter lies at a bound towards which the cost of this `gradient` still falls.
+inline bool held_at_bound(double scaled, double gradient) {
+  return (scaled < at_bound_distance && gradient > 0) ||
+         (scaled > 1 - at_bound_distance && gradient < 0);
+}
 
 /// Variability (Bhat 2003, section 5): a parameter p is perturbed about the estimate, a quadratic
 /// q(r) = c0 + c1 r + c2 r^2 of the relative change r is fitted to the errors by least squares, and

@@ -5,29 +5,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "weft/base/utf8.h"
+
 namespace weft {
 namespace {
 
 constexpr std::string_view kMinus = "\u2212";
 constexpr std::string_view kReplacement = "\uFFFD";
-
-/// Length of the valid UTF-8 sequence at the start of `text`; 0 if there is none.
-std::size_t utf8_length(std::string_view text) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned char first = byte(0);
-  if (first < 0x80) return 1;
-  const std::size_t length = first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : 2;
-  if (first < 0xC2 || first > 0xF4 || text.size() < length) return 0;
-  for (std::size_t i = 1; i < length; ++i) {
-    if ((byte(i) & 0xC0) != 0x80) return 0;
-  }
-  // Overlong forms, surrogates, and what lies above U+10FFFF.
-  if ((first == 0xE0 && byte(1) < 0xA0) || (first == 0xED && byte(1) > 0x9F) ||
-      (first == 0xF0 && byte(1) < 0x90) || (first == 0xF4 && byte(1) > 0x8F)) {
-    return 0;
-  }
-  return length;
-}
 
 std::string with_minus_sign(std::string text) {
   if (!text.empty() && text.front() == '-') text.replace(0, 1, kMinus);
