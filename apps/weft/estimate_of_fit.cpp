@@ -168,15 +168,14 @@ VecX slope_at(const EstimateOfFit& e, const std::filesystem::path& folder) {
   const ReportCertainty& certainty = *e.report.certainty;
   VecX slope = -prior;
   for (Eigen::Index i = 0; i < n; ++i) {
-    const bool lower = e.scaled[i]<at_bound_distance, upper = e.scaled[i]> 1 - at_bound_distance;
-    if (!lower && !upper) continue;
+    if (e.scaled[i] >= at_bound_distance && e.scaled[i] <= 1 - at_bound_distance) continue;
     if (certainty.slope.size() != n)
       throw Error(
           fmt::format("{}: certainty: \"slope\" is missing, which tells how hard {} is held "
                       "at its bound; fit again with this version",
                       file_of(folder), e.info(static_cast<std::size_t>(i)).name));
     const double data = certainty.slope[i] / certainty.overdispersion.value_or(1);
-    if (lower ? data + prior[i] > 0 : data + prior[i] < 0) slope[i] = data;
+    if (held_at_bound(e.scaled[i], data + prior[i])) slope[i] = data;
   }
   return slope;
 }

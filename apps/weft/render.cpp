@@ -4,6 +4,7 @@
 #include <string>
 
 #include "commands.h"
+#include "mechanical.h"
 #include "options.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
@@ -98,9 +99,8 @@ void add_render(CLI::App& app) {
   command->footer(
       "Example:\n  weft render data/captures/cotton_waving_A --fabric satin --out out/frames");
   command->callback([arguments, command] {
-    refuse_beside(*command, "--points",
-                  {"--grid", "--steps-per-frame", "--integrator", "--alpha", "--fold-threshold",
-                   "--cache", "--start-surface", "--threads"});
+    refuse_beside(*command, "--points", video_option_names());
+    refuse_beside(*command, "--points", {"--threads"});
     run_render(*arguments);
   });
 }
