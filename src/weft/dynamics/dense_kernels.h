@@ -1,6 +1,7 @@
 #pragma once
-/// Dense kernels of SparseCholesky, for fronts of 30 to 200 rows: at these sizes Eigen's general
-/// kernels spend more on packing and on calls than on arithmetic.
+/// Vectors of the machine's width, and the dense kernels of SparseCholesky, for fronts of 30 to 200
+/// rows: at these sizes Eigen's general kernels spend more on packing and on calls than on
+/// arithmetic.
 ///
 /// Matrices are column-major with leading dimension `ld`. Rows are worked on kTileRows at a time,
 /// and the last tile may reach past the last row: every column, and the end of the storage, has
@@ -53,6 +54,33 @@ inline void store(Scalar* to, const Vector<Scalar>& v) {
   std::memcpy(to, &v, sizeof v);
 }
 
+#if defined(__AVX__) && !defined(__AVX512F__)
+inline __m256i first_lanes(int count) {
+  static constexpr long long kMasks[8] = {-1, -1, -1, -1, 0, 0, 0, 0};
+  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(kMasks + 4 - count));
+}
+#endif
+/// The first `count` lanes from memory, 1 to kWidth of them; zero in the others.
+inline Vector<double> load_first(const double* from, int count) {
+#if defined(__AVX512F__)
+  return _mm512_maskz_loadu_pd(static_cast<__mmask8>((1U << count) - 1U), from);
+#elif defined(__AVX__)
+  return _mm256_maskload_pd(from, first_lanes(count));
+#else
+  return count > 1 ? Vector<double>{from[0], from[1]} : Vector<double>{from[0], 0};
+#endif
+}
+/// The first `count` lanes to memory.
+inline void store_first(double* to, int count, const Vector<double>& v) {
+#if defined(__AVX512F__)
+  _mm512_mask_storeu_pd(to, static_cast<__mmask8>((1U << count) - 1U), v);
+#elif defined(__AVX__)
+  _mm256_maskstore_pd(to, first_lanes(count), v);
+#else
+  for (int i = 0; i < count; ++i) to[i] = v[i];
+#endif
+}
+
 /// a * b + c, fused where the machine can (the build never fuses by itself).
 inline Vector<double> multiply_add(Vector<double> a, Vector<double> b, Vector<double> c) {
 #if defined(__AVX512F__)
@@ -99,12 +127,27 @@ inline Vector<Scalar> broadcast(Scalar value) {
   return value - Vector<Scalar>{};
 }
 
+/// The sum of the lanes, by halves.
 template <class Scalar>
 inline Scalar sum(const Vector<Scalar>& v) {
-  Scalar total = 0;
-  for (int i = 0; i < kWidth<Scalar>; ++i) total += v[i];
-  return total;
+  Scalar lanes[kWidth<Scalar>];
+  store(lanes, v);
+#pragma GCC unroll 4
+  for (int half = kWidth<Scalar> / 2; half > 0; half /= 2)
+#pragma GCC unroll 8
+    for (int i = 0; i < half; ++i) lanes[i] += lanes[i + half];
+  return lanes[0];
 }
+#if defined(__AVX512F__)
+template <>
+inline float sum<float>(const Vector<float>& v) {
+  return _mm512_reduce_add_ps(v);
+}
+template <>
+inline double sum<double>(const Vector<double>& v) {
+  return _mm512_reduce_add_pd(v);
+}
+#endif
 
 /// to[i] += from[i].
 template <class Scalar>
@@ -236,28 +279,62 @@ void negative_square(const Scalar* a, int depth, std::ptrdiff_t ld, Scalar* c, s
   if (j < size) product_rows<Scalar, 3>(a, a + j, depth, ld, c + j * ldc, ldc, j, size, write);
 }
 
+/// solve_forward for the pivots q to q + kColumns.
+template <class Scalar, int kColumns>
+inline void solve_forward_at(int q, const Scalar* panel, std::ptrdiff_t ld, int rows,
+                             const Scalar* inverse_diagonal, Scalar* x) {
+  const Scalar* l = panel + q * ld;
+  Scalar pivot[kColumns];
+  Vector<Scalar> pivots[kColumns];
+#pragma GCC unroll 8
+  for (int j = 0; j < kColumns; ++j) pivot[j] = x[q + j];
+#pragma GCC unroll 8
+  for (int j = 0; j < kColumns; ++j) {
+    pivot[j] *= inverse_diagonal[q + j];
+#pragma GCC unroll 8
+    for (int i = j + 1; i < kColumns; ++i) pivot[i] -= l[j * ld + q + i] * pivot[j];
+    x[q + j] = pivot[j];
+    pivots[j] = broadcast(pivot[j]);
+  }
+  for (int i = q + kColumns; i < rows; i += kWidth<Scalar>) {
+    Vector<Scalar> v = load(x + i);
+#pragma GCC unroll 8
+    for (int j = 0; j < kColumns; ++j) v = subtract_product(load(l + j * ld + i), pivots[j], v);
+    store<Scalar>(x + i, v);
+  }
+}
+
+/// solve_backward for the pivots q to q + kColumns.
+template <class Scalar, int kColumns>
+inline void solve_backward_at(int q, const Scalar* panel, std::ptrdiff_t ld, int rows,
+                              const Scalar* inverse_diagonal, Scalar* x) {
+  const Scalar* l = panel + q * ld;
+  Vector<Scalar> sums[kColumns] = {};
+  for (int i = q + kColumns; i < rows; i += kWidth<Scalar>) {
+    const Vector<Scalar> v = load(x + i);
+#pragma GCC unroll 8
+    for (int j = 0; j < kColumns; ++j) sums[j] = multiply_add(load(l + j * ld + i), v, sums[j]);
+  }
+  Scalar pivot[kColumns];
+#pragma GCC unroll 8
+  for (int j = 0; j < kColumns; ++j) pivot[j] = x[q + j] - sum<Scalar>(sums[j]);
+#pragma GCC unroll 8
+  for (int j = kColumns - 1; j >= 0; --j) {
+    pivot[j] *= inverse_diagonal[q + j];
+    x[q + j] = pivot[j];
+#pragma GCC unroll 8
+    for (int i = 0; i < j; ++i) pivot[i] -= l[i * ld + q + j] * pivot[j];
+  }
+}
+
 /// x <- L^-1 x for the pivots, and what they leave for the rows below, with x of `rows` entries.
 template <class Scalar>
 void solve_forward(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
                    const Scalar* inverse_diagonal, Scalar* x) {
-  for (int q = 0; q < pivots; q += 3) {
-    const Scalar* l0 = panel + q * ld;
-    const Scalar* l1 = l0 + ld;
-    const Scalar* l2 = l1 + ld;
-    x[q] *= inverse_diagonal[q];
-    x[q + 1] = (x[q + 1] - l0[q + 1] * x[q]) * inverse_diagonal[q + 1];
-    x[q + 2] = (x[q + 2] - l0[q + 2] * x[q] - l1[q + 2] * x[q + 1]) * inverse_diagonal[q + 2];
-    const Vector<Scalar> x0 = broadcast(x[q]);
-    const Vector<Scalar> x1 = broadcast(x[q + 1]);
-    const Vector<Scalar> x2 = broadcast(x[q + 2]);
-    for (int i = q + 3; i < rows; i += kWidth<Scalar>) {
-      Vector<Scalar> v = load(x + i);
-      v = subtract_product(load(l0 + i), x0, v);
-      v = subtract_product(load(l1 + i), x1, v);
-      v = subtract_product(load(l2 + i), x2, v);
-      store<Scalar>(x + i, v);
-    }
-  }
+  int q = 0;
+  for (; q + 6 <= pivots; q += 6)
+    solve_forward_at<Scalar, 6>(q, panel, ld, rows, inverse_diagonal, x);
+  if (q < pivots) solve_forward_at<Scalar, 3>(q, panel, ld, rows, inverse_diagonal, x);
 }
 
 /// x <- L^-T x for the pivots, given those of the rows below. The spare entries of x must be
@@ -265,22 +342,13 @@ void solve_forward(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
 template <class Scalar>
 void solve_backward(const Scalar* panel, std::ptrdiff_t ld, int rows, int pivots,
                     const Scalar* inverse_diagonal, Scalar* x) {
-  for (int q = pivots - 3; q >= 0; q -= 3) {
-    const Scalar* l0 = panel + q * ld;
-    const Scalar* l1 = l0 + ld;
-    const Scalar* l2 = l1 + ld;
-    Vector<Scalar> s0{}, s1{}, s2{};
-    for (int i = q + 3; i < rows; i += kWidth<Scalar>) {
-      const Vector<Scalar> v = load(x + i);
-      s0 = multiply_add(load(l0 + i), v, s0);
-      s1 = multiply_add(load(l1 + i), v, s1);
-      s2 = multiply_add(load(l2 + i), v, s2);
-    }
-    x[q + 2] = (x[q + 2] - sum<Scalar>(s2)) * inverse_diagonal[q + 2];
-    x[q + 1] = (x[q + 1] - sum<Scalar>(s1) - l1[q + 2] * x[q + 2]) * inverse_diagonal[q + 1];
-    x[q] = (x[q] - sum<Scalar>(s0) - l0[q + 1] * x[q + 1] - l0[q + 2] * x[q + 2]) *
-           inverse_diagonal[q];
+  int q = pivots;
+  if (q % 6 != 0) {
+    q -= 3;
+    solve_backward_at<Scalar, 3>(q, panel, ld, rows, inverse_diagonal, x);
   }
+  for (q -= 6; q >= 0; q -= 6)
+    solve_backward_at<Scalar, 6>(q, panel, ld, rows, inverse_diagonal, x);
 }
 
 /// Several right-hand sides side by side: x has kDirections numbers a row. A group of them is

@@ -16,6 +16,12 @@ constexpr double kMaxStepGrowth = 2.2;
 // Conjugate gradients stop when the residual (in the norm of the preconditioner) has fallen by
 // this.
 constexpr double kLinearTolerance = 0.01;
+// If it has fallen by this alone when they are given up, the direction serves, and the factor no
+// longer does.
+constexpr double kLooseTolerance = 0.1;
+// Steps in a row whose first iteration does not try the factor at hand, because it was too far in
+// those before: at most.
+constexpr int kMostUntried = 7;
 // More iterations than this cost about half as much as a new factor. A factor's cost over that of a
 // solve grows as the side of the mesh until, near 100 vertices, the factor no longer fits into the
 // cache: then a solve waits for memory and a factor does not.
@@ -225,12 +231,14 @@ bool ImplicitStepper::refactorize(const Points& x, double rate, Trajectory& coun
     ++work_.hessians;
   }
   factor_rate_ = factor == StepMatrix::Factor::none ? 0 : rate;
+  factor_is_worn_ = false;
   return factor_rate_ > 0;
 }
 
 /// direction_ = - matrix^-1 gradient_, nearly, by conjugate gradients that start from the factor
 /// at hand. They stop early where the matrix turns out to be indefinite: what they have by then
-/// leads downhill. False if the factor is too far from the matrix.
+/// leads downhill. False if the factor is too far from the matrix; factor_is_worn_ where it is
+/// nearly so.
 bool ImplicitStepper::find_direction() {
   residual_ = -gradient_;
   scaled_residual_ = residual_;
@@ -239,9 +247,10 @@ bool ImplicitStepper::find_direction() {
   direction_.setZero(3, gradient_.cols());
   double square = residual_.cwiseProduct(scaled_residual_).sum();
   const double goal = kLinearTolerance * kLinearTolerance * square;
+  const double loose_goal = kLooseTolerance * kLooseTolerance * square;
   for (int iteration = 0; iteration < max_linear_iterations_; ++iteration) {
     ++work_.linear_iterations;
-    flat(product_).noalias() = matrix_.matrix().selfadjointView<Eigen::Lower>() * flat(search_);
+    matrix_.multiply(search_, product_);
     for (const PointFixture& fixture : fixtures_) product_.col(fixture.vertex).setZero();
     const double curvature = search_.cwiseProduct(product_).sum();
     if (!(curvature > 0)) {
@@ -258,7 +267,26 @@ bool ImplicitStepper::find_direction() {
     search_ = scaled_residual_ + next_square / square * search_;
     square = next_square;
   }
-  return false;
+  factor_is_worn_ = true;
+  return square <= loose_goal;
+}
+
+/// find_direction with the factor at hand. The first iteration of a step follows another
+/// iteration's matrix by a whole step, and is often too far from its factor, as those of the steps
+/// before were: then only one step in 2, 4, 8 tries.
+bool ImplicitStepper::find_direction_by_old_factor(double rate, bool first_iteration) {
+  if (factor_is_worn_ || factor_rate_ <= 0 ||
+      std::abs(std::log(rate / factor_rate_)) >= std::log(kMaxRateChange))
+    return false;
+  if (!first_iteration) return find_direction();
+  if (untried_left_ > 0) {
+    --untried_left_;
+    return false;
+  }
+  const bool found = find_direction();
+  untried_ = found ? 0 : std::min(2 * untried_ + 1, kMostUntried);
+  untried_left_ = untried_;
+  return found;
 }
 
 /// `energy_` is that of x, and becomes that of where this leads (as far as it can be told from it).
@@ -301,9 +329,7 @@ bool ImplicitStepper::newton(State& next, double rate, Trajectory& counts, std::
     }
     // Far from the solution the exact Hessian is often indefinite.
     linearize(next, rate, iteration == 0 ? HessianKind::positive_semidefinite : HessianKind::exact);
-    const double rate_change = factor_rate_ > 0 ? std::abs(std::log(rate / factor_rate_)) : 1;
-    const bool usable = rate_change < std::log(kMaxRateChange);
-    if (!usable || !find_direction()) {
+    if (!find_direction_by_old_factor(rate, iteration == 0)) {
       if (!refactorize(next.x, rate, counts))
         return fail("the matrix of a step is not positive definite");
       find_direction();

@@ -109,6 +109,7 @@ class ImplicitStepper {
   StepPoint point(const Points& x, double rate) const;
   bool refactorize(const Points& x, double rate, Trajectory& counts);
   bool find_direction();
+  bool find_direction_by_old_factor(double rate, bool first_iteration);
   double search_line(const Points& x, double rate);
 
   const ClothModel& model_;
@@ -118,9 +119,12 @@ class ImplicitStepper {
   ImplicitStepObserver observer_;
   std::vector<char> held_;
   int max_linear_iterations_;
-  StepMatrix matrix_;       // its factor is kept as a preconditioner
-  double factor_rate_ = 0;  // of the step that the factor was made for; 0: none yet
-  Stage current_;           // its formulas are those of the last step
+  StepMatrix matrix_;            // its factor is kept as a preconditioner
+  double factor_rate_ = 0;       // of the step that the factor was made for; 0: none yet
+  bool factor_is_worn_ = false;  // it served the last time, but barely
+  int untried_ = 0;       // steps whose first iteration is not to try the factor at hand, and how
+  int untried_left_ = 0;  // many of them are left
+  Stage current_;         // its formulas are those of the last step
   std::optional<State> previous_;
   Stage middle_, next_;
   // Of the step at hand.

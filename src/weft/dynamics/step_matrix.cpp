@@ -6,7 +6,8 @@ StepMatrix::StepMatrix(const ClothModel& model, const std::vector<char>& held)
     : model_(model),
       factor_(model.hessian_pattern(), held, model.mesh().material),
       matrix_(model.hessian_pattern()),
-      projection_(model.hessian_pattern()) {}
+      projection_(model.hessian_pattern()),
+      product_(matrix_) {}
 
 void StepMatrix::assemble(const StepPoint& at, HessianKind kind, Points& gradient) {
   assemble(at, kind, gradient, matrix_);

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "weft/dynamics/sparse_cholesky.h"
+#include "weft/dynamics/symmetric_product.h"
 #include "weft/model/cloth_model.h"
 
 namespace weft {
@@ -24,6 +25,8 @@ class StepMatrix {
   void assemble(const StepPoint& at, HessianKind kind, Points& gradient);
   /// The lower triangle.
   const SparseMatrix& matrix() const { return matrix_; }
+  /// y = matrix() x; both 3 x n.
+  void multiply(const Points& x, Points& y) const { product_.multiply(matrix_, x, y); }
 
   enum class Factor { none, of_matrix, of_projection };
   /// A new factor: of matrix(), as assembled at `at`, or, if that is indefinite, of its positive
@@ -38,6 +41,7 @@ class StepMatrix {
   const ClothModel& model_;
   SparseCholesky<float> factor_;
   SparseMatrix matrix_, projection_;
+  SymmetricProduct product_;
   Points unused_gradient_;
 };
 
