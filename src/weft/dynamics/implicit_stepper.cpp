@@ -29,7 +29,7 @@ int most_linear_iterations(int vertices) {
   return std::clamp(static_cast<int>(0.2 * std::sqrt(vertices)), 5, 10);
 }
 constexpr double kMaxRateChange = 1.3;  // between the step of a factor and the step it serves
-constexpr double kNearSolution = 3e-5;  // m; after a change below it, try the factor at hand alone
+constexpr double kNearSolution = 6e-5;  // m; after a change below it, try the factor at hand alone
 // A change by the factor at hand is an estimate of the distance that is left, good to this.
 constexpr double kLastChange = 0.3;
 constexpr double kSufficientDecrease = 1e-4;

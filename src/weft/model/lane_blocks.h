@@ -83,14 +83,21 @@ class BlockWriter {
       const bool transposed = slots[lane] < 0;
       const int slot = transposed ? ~slots[lane] : slots[lane];
       const int length = columns_[transposed ? row_vertices[lane] : column_vertices[lane]].length;
-      const std::size_t row = transposed ? 1 : 3, column = transposed ? 3 : 1;
       double* c0 = values_ + slot;
       double* c1 = c0 + length - 1;
       double* c2 = c1 + length - 2;
-      for (std::size_t r = 0; r < 3; ++r) {
-        c0[r] += m[r * row][lane];
-        c1[r] += m[r * row + column][lane];
-        c2[r] += m[r * row + 2 * column][lane];
+      if (transposed) {
+        for (std::size_t r = 0; r < 3; ++r) {
+          c0[r] += m[r][lane];
+          c1[r] += m[3 + r][lane];
+          c2[r] += m[6 + r][lane];
+        }
+      } else {
+        for (std::size_t r = 0; r < 3; ++r) {
+          c0[r] += m[3 * r][lane];
+          c1[r] += m[3 * r + 1][lane];
+          c2[r] += m[3 * r + 2][lane];
+        }
       }
     }
   }
