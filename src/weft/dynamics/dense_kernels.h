@@ -54,32 +54,41 @@ inline void store(Scalar* to, const Vector<Scalar>& v) {
   std::memcpy(to, &v, sizeof v);
 }
 
-#if defined(__AVX__) && !defined(__AVX512F__)
+/// load_first: the first `count` lanes from memory, 1 to kWidth of them, zero in the others;
+/// store_first: these to memory.
+#if defined(__AVX512F__)
+inline unsigned first_lanes(int count) { return (1U << count) - 1U; }
+inline Vector<double> load_first(const double* from, int count) {
+  return _mm512_maskz_loadu_pd(static_cast<__mmask8>(first_lanes(count)), from);
+}
+inline Vector<float> load_first(const float* from, int count) {
+  return _mm512_maskz_loadu_ps(static_cast<__mmask16>(first_lanes(count)), from);
+}
+inline void store_first(double* to, int count, const Vector<double>& v) {
+  _mm512_mask_storeu_pd(to, static_cast<__mmask8>(first_lanes(count)), v);
+}
+inline void store_first(float* to, int count, const Vector<float>& v) {
+  _mm512_mask_storeu_ps(to, static_cast<__mmask16>(first_lanes(count)), v);
+}
+#elif defined(__AVX__)
 inline __m256i first_lanes(int count) {
   static constexpr long long kMasks[8] = {-1, -1, -1, -1, 0, 0, 0, 0};
   return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(kMasks + 4 - count));
 }
-#endif
-/// The first `count` lanes from memory, 1 to kWidth of them; zero in the others.
 inline Vector<double> load_first(const double* from, int count) {
-#if defined(__AVX512F__)
-  return _mm512_maskz_loadu_pd(static_cast<__mmask8>((1U << count) - 1U), from);
-#elif defined(__AVX__)
   return _mm256_maskload_pd(from, first_lanes(count));
-#else
-  return count > 1 ? Vector<double>{from[0], from[1]} : Vector<double>{from[0], 0};
-#endif
 }
-/// The first `count` lanes to memory.
 inline void store_first(double* to, int count, const Vector<double>& v) {
-#if defined(__AVX512F__)
-  _mm512_mask_storeu_pd(to, static_cast<__mmask8>((1U << count) - 1U), v);
-#elif defined(__AVX__)
   _mm256_maskstore_pd(to, first_lanes(count), v);
-#else
-  for (int i = 0; i < count; ++i) to[i] = v[i];
-#endif
 }
+#else
+inline Vector<double> load_first(const double* from, int count) {
+  return count > 1 ? Vector<double>{from[0], from[1]} : Vector<double>{from[0], 0};
+}
+inline void store_first(double* to, int count, const Vector<double>& v) {
+  for (int i = 0; i < count; ++i) to[i] = v[i];
+}
+#endif
 
 /// a * b + c, fused where the machine can (the build never fuses by itself).
 inline Vector<double> multiply_add(Vector<double> a, Vector<double> b, Vector<double> c) {
@@ -154,18 +163,8 @@ template <class Scalar>
 inline void add(const Scalar* from, int count, Scalar* to) {
 #if defined(__AVX512F__)
   for (int i = 0; i < count; i += kWidth<Scalar>) {
-    const auto mask = (1U << std::min(count - i, kWidth<Scalar>)) - 1U;
-    if constexpr (sizeof(Scalar) == 4) {
-      const auto m = static_cast<__mmask16>(mask);
-      const __m512 sum = _mm512_maskz_add_ps(m, _mm512_maskz_loadu_ps(m, to + i),
-                                             _mm512_maskz_loadu_ps(m, from + i));
-      _mm512_mask_storeu_ps(to + i, m, sum);
-    } else {
-      const auto m = static_cast<__mmask8>(mask);
-      const __m512d sum = _mm512_maskz_add_pd(m, _mm512_maskz_loadu_pd(m, to + i),
-                                              _mm512_maskz_loadu_pd(m, from + i));
-      _mm512_mask_storeu_pd(to + i, m, sum);
-    }
+    const int lanes = std::min(count - i, kWidth<Scalar>);
+    store_first(to + i, lanes, load_first(to + i, lanes) + load_first(from + i, lanes));
   }
 #else
   for (int i = 0; i < count; ++i) to[i] += from[i];

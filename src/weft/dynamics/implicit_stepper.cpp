@@ -19,9 +19,8 @@ constexpr double kLinearTolerance = 0.01;
 // If it has fallen by this alone when they are given up, the direction serves, and the factor no
 // longer does.
 constexpr double kLooseTolerance = 0.1;
-// Steps in a row whose first iteration does not try the factor at hand, because it was too far in
-// those before: at most.
-constexpr int kMostUntried = 7;
+// Steps until the first iteration of one tries the factor at hand again, at most.
+constexpr int kLongestPause = 8;
 // More iterations than this cost about half as much as a new factor. A factor's cost over that of a
 // solve grows as the side of the mesh until, near 100 vertices, the factor no longer fits into the
 // cache: then a solve waits for memory and a factor does not.
@@ -48,6 +47,7 @@ ImplicitStepper::ImplicitStepper(const ClothModel& model, const std::vector<Poin
       held_(held_vertices(fixtures, model.vertex_count())),
       max_linear_iterations_(most_linear_iterations(model.vertex_count())),
       matrix_(model, held_),
+      first_pause_(kLongestPause),
       product_(3, model.vertex_count()) {}
 
 void ImplicitStepper::start(State state, ImplicitStepObserver observer) {
@@ -273,19 +273,15 @@ bool ImplicitStepper::find_direction() {
 
 /// find_direction with the factor at hand. The first iteration of a step follows another
 /// iteration's matrix by a whole step, and is often too far from its factor, as those of the steps
-/// before were: then only one step in 2, 4, 8 tries.
+/// before were: then not every step tries.
 bool ImplicitStepper::find_direction_by_old_factor(double rate, bool first_iteration) {
   if (factor_is_worn_ || factor_rate_ <= 0 ||
       std::abs(std::log(rate / factor_rate_)) >= std::log(kMaxRateChange))
     return false;
   if (!first_iteration) return find_direction();
-  if (untried_left_ > 0) {
-    --untried_left_;
-    return false;
-  }
+  if (!first_pause_.is_due()) return false;
   const bool found = find_direction();
-  untried_ = found ? 0 : std::min(2 * untried_ + 1, kMostUntried);
-  untried_left_ = untried_;
+  first_pause_.note(found);
   return found;
 }
 

@@ -44,6 +44,7 @@
 #include <optional>
 #include <string>
 
+#include "weft/dynamics/retry_pause.h"
 #include "weft/dynamics/simulate.h"
 #include "weft/dynamics/state.h"
 #include "weft/dynamics/step_matrix.h"
@@ -122,9 +123,8 @@ class ImplicitStepper {
   StepMatrix matrix_;            // its factor is kept as a preconditioner
   double factor_rate_ = 0;       // of the step that the factor was made for; 0: none yet
   bool factor_is_worn_ = false;  // it served the last time, but barely
-  int untried_ = 0;       // steps whose first iteration is not to try the factor at hand, and how
-  int untried_left_ = 0;  // many of them are left
-  Stage current_;         // its formulas are those of the last step
+  RetryPause first_pause_;       // of tries of that factor by the first iteration of a step
+  Stage current_;                // its formulas are those of the last step
   std::optional<State> previous_;
   Stage middle_, next_;
   // Of the step at hand.

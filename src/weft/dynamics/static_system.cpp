@@ -31,7 +31,8 @@ StaticSystem::StaticSystem(const StaticPotential& potential, std::vector<char> h
       held_(std::move(held)),
       cholesky_(potential.hessian_pattern(), held_, potential.mesh().material),
       hessian_(potential.hessian_pattern()),
-      diagonal_(diagonal_slots(hessian_)) {}
+      diagonal_(diagonal_slots(hessian_)),
+      exact_pause_(kLongestPause) {}
 
 bool StaticSystem::Factor::inexact() const { return regularization > kLeastRegularization; }
 
@@ -61,16 +62,12 @@ bool StaticSystem::factorize(HessianKind kind) {
 }
 
 /// The exact Hessian converges fast, where it is positive definite; the projected one always leads
-/// downhill. After each vain try of the first the pause before the next one doubles.
+/// downhill.
 bool StaticSystem::factorize_for_direction() {
-  if (--until_exact_ <= 0) {
+  if (exact_pause_.is_due()) {
     exact_ = factorize(HessianKind::exact);
-    if (exact_) {
-      pause_ = 1;
-      return true;
-    }
-    pause_ = std::min(2 * pause_, kLongestPause);
-    until_exact_ = pause_;
+    exact_pause_.note(exact_);
+    if (exact_) return true;
   }
   exact_ = false;
   while (!factorize(HessianKind::positive_semidefinite)) {
@@ -183,7 +180,7 @@ bool StaticSystem::escape() {
 StaticResult StaticSystem::solve(Points start, const StaticOptions& options) {
   const bool near = options.start == StaticOptions::Start::near_equilibrium;
   regularization_ = near ? kLeastRegularization : kInitialRegularization;
-  pause_ = until_exact_ = 1;
+  exact_pause_ = RetryPause(kLongestPause);
   leaps_ = 0;
   x_ = std::move(start);
   StaticResult result;

@@ -2,6 +2,7 @@
 #include <optional>
 #include <vector>
 
+#include "weft/dynamics/retry_pause.h"
 #include "weft/dynamics/sparse_cholesky.h"
 #include "weft/dynamics/static_potential.h"
 
@@ -50,7 +51,7 @@ class StaticSystem {
   double regularization_ = 0;
   bool exact_ = false;         // the factor at hand is of the exact Hessian
   bool as_predicted_ = false;  // the last step was whole, and lowered the potential as foreseen
-  int pause_ = 1, until_exact_ = 1;
+  RetryPause exact_pause_;     // of tries of the exact Hessian
   int leaps_ = 0;
   std::optional<Points> factored_at_;  // by the exact Hessian with the least regularization
 };

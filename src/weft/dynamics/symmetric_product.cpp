@@ -11,15 +11,13 @@ SymmetricProduct::SymmetricProduct(const SparseMatrix& pattern) {
   for (Eigen::Index v = 0; v < pattern.cols() / 3; ++v) {
     const int begin = pattern.outerIndexPtr()[3 * v];
     const int end = pattern.outerIndexPtr()[3 * v + 1];
-    Column column{begin, end - begin, static_cast<int>(runs_.size()), 0};
     for (int first = begin + 3; first < end;) {
       int last = first + 1;
       while (last < end && rows[last] == rows[last - 1] + 1) ++last;
       runs_.push_back({rows[first], last - first});
       first = last;
     }
-    column.runs_end = static_cast<int>(runs_.size());
-    columns_.push_back(column);
+    run_ends_.push_back(runs_.size());
   }
 }
 
@@ -28,11 +26,12 @@ void SymmetricProduct::multiply(const SparseMatrix& matrix, const Points& x, Poi
   using Vector = dense::Vector<double>;
   constexpr int kWidth = dense::kWidth<double>;
   y.setZero(3, x.cols());
-  for (std::size_t v = 0; v < columns_.size(); ++v) {
-    const Column& column = columns_[v];
-    const double* a0 = matrix.valuePtr() + column.value;
-    const double* a1 = a0 + column.length;
-    const double* a2 = a1 + column.length - 1;
+  std::size_t r = 0;
+  for (std::size_t v = 0; v < run_ends_.size(); ++v) {
+    const int* begin = matrix.outerIndexPtr() + 3 * v;  // of the vertex' columns
+    const double* a0 = matrix.valuePtr() + begin[0];
+    const double* a1 = matrix.valuePtr() + begin[1];
+    const double* a2 = matrix.valuePtr() + begin[2];
     const double* at = x.data() + 3 * v;
     double* to = y.data() + 3 * v;
     const double own[3] = {a0[0] * at[0] + a0[1] * at[1] + a0[2] * at[2],
@@ -47,8 +46,8 @@ void SymmetricProduct::multiply(const SparseMatrix& matrix, const Points& x, Poi
     const Vector x1 = dense::broadcast(at[1]);
     const Vector x2 = dense::broadcast(at[2]);
     Vector y0{}, y1{}, y2{};
-    for (int r = column.runs_begin; r < column.runs_end; ++r) {
-      const Run& run = runs_[static_cast<std::size_t>(r)];
+    for (; r < run_ends_[v]; ++r) {
+      const Run& run = runs_[r];
       for (int i = 0; i < run.count; i += kWidth) {
         const int lanes = std::min(run.count - i, kWidth);
         const Vector l0 = load_first(a0 + i, lanes);

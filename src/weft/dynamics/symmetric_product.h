@@ -17,16 +17,11 @@ class SymmetricProduct {
   void multiply(const SparseMatrix& matrix, const Points& x, Points& y) const;
 
  private:
-  struct Column {  // the three of a vertex
-    int value;     // where the first begins in the values
-    int length;    // of the first; the others have one and two fewer (the corner of the triangle)
-    int runs_begin, runs_end;  // of the rows below the diagonal block
-  };
   struct Run {
     int row, count;
   };
-  std::vector<Column> columns_;
-  std::vector<Run> runs_;
+  std::vector<Run> runs_;              // of the rows below the blocks on the diagonal
+  std::vector<std::size_t> run_ends_;  // of those of each vertex, in runs_
 };
 
 }  // namespace weft
