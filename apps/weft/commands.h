@@ -28,5 +28,6 @@ void add_posterior(CLI::App& app);
 void add_profile(CLI::App& app);
 void add_cantilever(CLI::App& app);
 void add_cusick(CLI::App& app);
+void add_export(CLI::App& app);
 
 }  // namespace weft::app

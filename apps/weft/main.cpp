@@ -34,7 +34,7 @@ void add_subcommands(CLI::App& app) {
   for (auto add :
        {add_check, add_surface, add_register, add_fit, add_evaluate, add_compare, add_matrix,
         add_landscape, add_variability, add_profile, add_suggest, add_posterior, add_simulate,
-        add_render, add_synthesize, add_fabrics, add_cantilever, add_cusick}) {
+        add_render, add_synthesize, add_fabrics, add_export, add_cantilever, add_cusick}) {
     add(app);
   }
 }

@@ -22,7 +22,7 @@ TEST_F(Program, EachCommandHasHelpWithAnExample) {
   for (const std::string command :
        {"check", "surface", "register", "fit", "simulate", "render", "evaluate", "compare",
         "landscape", "variability", "posterior", "suggest", "matrix", "synthesize", "fabrics",
-        "cantilever", "cusick"}) {
+        "export", "cantilever", "cusick"}) {
     EXPECT_THAT(help.out, HasSubstr("\n  " + command + " ")) << command;
     const Outcome outcome = weft({command, "--help"});
     EXPECT_EQ(outcome.status, 0) << command;
@@ -63,6 +63,22 @@ TEST_F(Program, WritesAScaledFabricThatItReadsBack) {
   const Outcome read = weft({"fabrics", path("f.toml"), "--json"});
   ASSERT_EQ(read.status, 0) << read.err;
   EXPECT_EQ(read.out, written.out);
+}
+
+TEST_F(Program, ExportsAFabric) {
+  const std::vector<std::string> words{"export", "satin", "--to", "blender", "--spacing", "0.01"};
+  EXPECT_THAT(refusal(words), HasSubstr("--areal-density"));
+  auto complete = words;
+  complete.insert(complete.end(), {"--areal-density", "0.2", "--out", path("satin.py"), "--json"});
+  const Outcome outcome = weft(complete);
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const nlohmann::json said = nlohmann::json::parse(outcome.out);
+  EXPECT_GT(said["settings"]["tension_stiffness"].get<double>(), 0);
+  EXPECT_FALSE(said["lost"].empty());
+  EXPECT_THAT(text_of(path("satin.py")), HasSubstr("import bpy"));
+  auto elsewhere = complete;
+  elsewhere[3] = "houdini";
+  EXPECT_THAT(refusal(elsewhere), HasSubstr("--to"));
 }
 
 TEST_F(Program, SynthesizesACaptureShorterThanItsUsualFitFrames) {
