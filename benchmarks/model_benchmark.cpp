@@ -62,6 +62,13 @@ void BM_HessianExact(benchmark::State& run) { hessian(run, HessianKind::exact); 
 void BM_HessianProjected(benchmark::State& run) {
   hessian(run, HessianKind::positive_semidefinite);
 }
+void BM_StepHessian(benchmark::State& run) {
+  State s(static_cast<int>(run.range(0)));
+  for (auto _ : run) {
+    s.hessian.coeffs().setZero();
+    s.model.step_hessian(s.x, s.damping(), HessianKind::exact, s.v, 180, s.gradient, s.hessian);
+  }
+}
 void BM_Forces(benchmark::State& run) {
   State s(static_cast<int>(run.range(0)));
   for (auto _ : run) s.model.forces(s.x, s.v, s.gradient);
@@ -83,6 +90,7 @@ WEFT_BENCHMARK(BM_Gradient);
 WEFT_BENCHMARK(BM_ClearHessian);
 WEFT_BENCHMARK(BM_HessianExact);
 WEFT_BENCHMARK(BM_HessianProjected);
+WEFT_BENCHMARK(BM_StepHessian);
 WEFT_BENCHMARK(BM_Forces);
 WEFT_BENCHMARK(BM_Drag);
 WEFT_BENCHMARK(BM_DragDamping);

@@ -160,6 +160,17 @@ HingeStrain hinge(const VecX& x) {
   return dihedral_angle_strain(point(x, 0), point(x, 1), point(x, 2), point(x, 3));
 }
 
+TEST(DihedralAngle, ValueAloneIsTheSame) {
+  Rng rng(21);
+  for (int k = 0; k < 50; ++k) {
+    std::array<Vector3<double>, 4> x;
+    for (auto& p : x) p = {rng.normal(), rng.normal(), k == 0 ? 0 : rng.normal()};
+    if (k == 1) x[3] = x[0];
+    EXPECT_EQ(dihedral_angle_value(x[0], x[1], x[2], x[3]),
+              dihedral_angle(x[0], x[1], x[2], x[3]).value);
+  }
+}
+
 TEST(DihedralAngle, IsTheAngleByWhichTheHingeIsBent) {
   Rng rng(4);
   for (const double theta : {0.0, 1e-12, 1e-6, 0.5, 1.5, 2.5, 3.14, kPi - 1e-6}) {

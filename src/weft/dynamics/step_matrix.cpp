@@ -16,8 +16,7 @@ void StepMatrix::assemble(const StepPoint& at, HessianKind kind, Points& gradien
 void StepMatrix::assemble(const StepPoint& at, HessianKind kind, Points& gradient,
                           SparseMatrix& matrix) const {
   matrix.coeffs().setZero();
-  model_.potential_hessian(at.x, at.damping, kind, gradient, matrix);
-  model_.add_drag_damping(at.x, at.velocity_in_air, at.rate, matrix);
+  model_.step_hessian(at.x, at.damping, kind, at.velocity_in_air, at.rate, gradient, matrix);
   const auto diagonal = model_.diagonal_slots();
   for (std::size_t i = 0; i < diagonal.size(); ++i)
     matrix.valuePtr()[diagonal[i]] +=

@@ -377,17 +377,17 @@ template <class T>
 inline std::array<Vector3<T>, 4> dihedral_gradient_change(const DihedralAngle<T>& angle,
                                                           const std::array<Vector3<T>, 4>& dx) {
   const Vector3<T> edge = dx[1] - dx[0];
-  const auto side = [&](const HingeSide<T>& s, const Vector3<T>& apex) {
+  const auto side = [&](const HingeSide<T>& s, const Vector3<T>& q, const Vector3<T>& apex) {
     const Vector3<T> d = apex - dx[0] - s.t * edge;
-    const T qd = dot(s.q, d), qe = dot(s.q, edge);
+    const T qd = dot(q, d), qe = dot(q, edge);
     struct {
       Vector3<T> p;
       T t;
-    } out{-(dot(s.p, d) * s.q + dot(s.p, edge) * angle.c + qd * s.p),
+    } out{-(dot(s.p, d) * q + dot(s.p, edge) * angle.c + qd * s.p),
           dot(angle.c, d) + (s.f + s.f) * qe};
     return out;
   };
-  const auto a = side(angle.a, dx[2]), b = side(angle.b, dx[3]);
+  const auto a = side(angle.a, angle.q_a(), dx[2]), b = side(angle.b, angle.q_b(), dx[3]);
   const Vector3<T> along = a.t * angle.a.p + angle.a.t * a.p + b.t * angle.b.p + angle.b.t * b.p;
   return {along - (a.p + b.p), -along, a.p, b.p};
 }

@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "weft/base/error.h"
+#include "weft/model/cell_energy.h"
 #include "weft/model/drag.h"
 #include "weft/model/elements.h"
 #include "weft/model/lane_blocks.h"
@@ -126,6 +127,11 @@ detail::MembraneStrains<Lanes> strains_of(const TriangleGroup& group, const Poin
 template <class Stencil>
 StencilCurvature<Lanes, Stencil> curvature_of(const StencilGroup<Stencil>& group, const Points& x) {
   return stencil_curvature(group.map, gather(x.data(), group.vertices));
+}
+
+template <class Stencil>
+std::array<Lanes, 3> curvature_value(const StencilGroup<Stencil>& group, const Points& x) {
+  return stencil_curvature_value(group.map, gather(x.data(), group.vertices));
 }
 
 /// Something of each of the two diagonals.
@@ -292,6 +298,9 @@ struct ClothModel::Impl {
   detail::Elements elements;
   VecX masses;
 
+  detail::CellEnergy of_cells(const Coefficients& k, const DampingRate& damping) const {
+    return {elements.cells, {k.stretch, k.shear, k.bend, k.twist}, damping.strain_history};
+  }
   int first_diagonal() const { return 3 * mesh.triangle_count(); }
   int first_curvature() const { return first_diagonal() + 3 * elements.diagonal_count; }
   int component_count() const { return first_curvature() + 3 * elements.bending_count; }
@@ -353,6 +362,13 @@ struct ClothModel::Impl {
   }
 
   double energy(const Coefficients& k, const Points& x, const DampingRate& damping) const;
+  double diagonal_energy(const Coefficients& k, const Points& x, const DampingRate& damping) const;
+  /// Of the potential without gravity and, if `drag` is not null, the damping of the drag.
+  void add_hessian(const Coefficients& k, const Points& x, const DampingRate& damping,
+                   HessianKind kind, const detail::CellEnergy::Drag* drag, Points& gradient,
+                   SparseMatrix& hessian) const;
+  void add_drag_damping(const detail::CellEnergy::Drag& drag, const Points& x,
+                        SparseMatrix& hessian) const;
   void add_triangle_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
                              Points& gradient) const;
   void add_diagonal_gradient(const Coefficients& k, const Points& x, const DampingRate& damping,
@@ -376,6 +392,8 @@ struct ClothModel::Impl {
 
 double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
                                 const DampingRate& damping) const {
+  if (!elements.cells.empty())
+    return of_cells(k, damping).value(x) + diagonal_energy(k, x, damping);
   Lanes sum{};
   for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
     const TriangleGroup& group = elements.triangles[i];
@@ -385,6 +403,18 @@ double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
            (group.u_layers * k.stretch.energy(c.u.value, h.u) +
             group.v_layers * k.stretch.energy(c.v.value, h.v) + k.shear.energy(c.shear, h.s));
   }
+  for_each_bending([&]<class Stencil>(const StencilGroup<Stencil>& group, std::size_t i) {
+    const auto c = curvature_value(group, x);
+    const auto h = curvature_history(damping, i, group.count);
+    const auto stiffness = k.curvatures<Stencil>();
+    for (std::size_t j = 0; j < 3; ++j) sum += group.areas[j] * stiffness[j]->energy(c[j], h[j]);
+  });
+  return sum_lanes(sum) + diagonal_energy(k, x, damping);
+}
+
+double ClothModel::Impl::diagonal_energy(const Coefficients& k, const Points& x,
+                                         const DampingRate& damping) const {
+  Lanes sum{};
   for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
     const DiagonalGroup& group = elements.diagonals[i];
     const auto c = strains_of(group, x);
@@ -392,12 +422,6 @@ double ClothModel::Impl::energy(const Coefficients& k, const Points& x,
     sum += group.area * (k.diagonal.energy(c.rising.value, h.rising) +
                          k.diagonal.energy(c.falling.value, h.falling));
   }
-  for_each_bending([&]<class Stencil>(const StencilGroup<Stencil>& group, std::size_t i) {
-    const auto c = curvature_of(group, x).value;
-    const auto h = curvature_history(damping, i, group.count);
-    const auto stiffness = k.curvatures<Stencil>();
-    for (std::size_t j = 0; j < 3; ++j) sum += group.areas[j] * stiffness[j]->energy(c[j], h[j]);
-  });
   return sum_lanes(sum);
 }
 
@@ -488,6 +512,38 @@ void ClothModel::Impl::add_bending(const Coefficients& k, const Points& x,
     if (kind == HessianKind::exact) add_curvature_hessian(group.map, curvature, moment, h);
     writer.add(h, group.vertices, group.slots);
   });
+}
+
+void ClothModel::Impl::add_hessian(const Coefficients& k, const Points& x,
+                                   const DampingRate& damping, HessianKind kind,
+                                   const detail::CellEnergy::Drag* drag, Points& gradient,
+                                   SparseMatrix& hessian) const {
+  add_diagonals(k, x, damping, kind, gradient, hessian);
+  if (!elements.cells.empty()) {
+    of_cells(k, damping).add_hessian(x, kind, drag, gradient, hessian, elements.columns);
+  } else {
+    add_triangles(k, x, damping, kind, gradient, hessian);
+    add_bending(k, x, damping, kind, gradient, hessian);
+    if (drag) add_drag_damping(*drag, x, hessian);
+  }
+}
+
+void ClothModel::Impl::add_drag_damping(const detail::CellEnergy::Drag& drag, const Points& x,
+                                        SparseMatrix& hessian) const {
+  BlockWriter writer(hessian.valuePtr(), elements.columns);
+  for (const TriangleGroup& group : elements.triangles) {
+    const TrianglePositions p = positions(group, x);
+    const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
+    const Lanes s = dot(mean_velocity(group, drag.velocity), n);
+    const SymmetricMatrix3<Lanes> block = (drag.factor * group.shape.area) * drag.law.damping(s, n);
+    for (std::size_t i = 0; i < 3; ++i)
+      writer.add((group.shares[i] * group.shares[i]) * block, group.vertices[i]);
+    for (std::size_t k = 0; k < group.slots.size(); ++k) {
+      const auto [row, column] = detail::kPairs[k];
+      writer.add(((group.shares[row] * group.shares[column]) * block).full(), group.slots[k],
+                 group.vertices[row], group.vertices[column]);
+    }
+  }
 }
 
 void ClothModel::Impl::set_gravity_gradient(Points& gradient) const {
@@ -592,13 +648,6 @@ double ClothModel::gravity_energy(const Points& x) const {
 void ClothModel::strains(const Points& x, VecX& c) const {
   c.resize(component_count());
   const auto& elements = impl_->elements;
-  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
-    const auto s = strains_of(elements.triangles[i], x);
-    const int first = static_cast<int>(i) * kLanes * 3, count = elements.triangles[i].count;
-    store(s.u.value, first, 3, count, c);
-    store(s.v.value, first + 1, 3, count, c);
-    store(s.shear, first + 2, 3, count, c);
-  }
   for (std::size_t i = 0; i < elements.diagonals.size(); ++i) {
     const DiagonalStrains s = strains_of(elements.diagonals[i], x);
     const int first = impl_->first_diagonal() + static_cast<int>(i) * kLanes * 3;
@@ -607,8 +656,16 @@ void ClothModel::strains(const Points& x, VecX& c) const {
     store(s.falling.value, first + 1, 3, count, c);
     store(Lanes{}, first + 2, 3, count, c);
   }
+  if (!elements.cells.empty()) return detail::store_cell_strains(elements.cells, x, c);
+  for (std::size_t i = 0; i < elements.triangles.size(); ++i) {
+    const auto s = strains_of(elements.triangles[i], x);
+    const int first = static_cast<int>(i) * kLanes * 3, count = elements.triangles[i].count;
+    store(s.u.value, first, 3, count, c);
+    store(s.v.value, first + 1, 3, count, c);
+    store(s.shear, first + 2, 3, count, c);
+  }
   impl_->for_each_bending([&](const auto& group, std::size_t i) {
-    const auto value = curvature_of(group, x).value;
+    const auto value = curvature_value(group, x);
     const int first = impl_->first_curvature() + static_cast<int>(i) * kLanes * 3;
     for (std::size_t k = 0; k < 3; ++k)
       store(value[k], first + static_cast<int>(k), 3, group.count, c);
@@ -623,19 +680,31 @@ void ClothModel::potential_gradient(const Points& x, const DampingRate& damping,
                                     Points& gradient) const {
   const Coefficients k = impl_->coefficients.with_rate(damping.rate);
   impl_->set_gravity_gradient(gradient);
-  impl_->add_triangle_gradient(k, x, damping, gradient);
   impl_->add_diagonal_gradient(k, x, damping, gradient);
-  impl_->add_bending_gradient(k, x, damping, gradient);
+  if (!impl_->elements.cells.empty()) {
+    impl_->of_cells(k, damping).add_gradient(x, gradient);
+  } else {
+    impl_->add_triangle_gradient(k, x, damping, gradient);
+    impl_->add_bending_gradient(k, x, damping, gradient);
+  }
 }
 
 void ClothModel::potential_hessian(const Points& x, const DampingRate& damping, HessianKind kind,
                                    Points& gradient, SparseMatrix& hessian) const {
   assert(hessian.nonZeros() == impl_->elements.pattern.nonZeros());
-  const Coefficients k = impl_->coefficients.with_rate(damping.rate);
   impl_->set_gravity_gradient(gradient);
-  impl_->add_triangles(k, x, damping, kind, gradient, hessian);
-  impl_->add_diagonals(k, x, damping, kind, gradient, hessian);
-  impl_->add_bending(k, x, damping, kind, gradient, hessian);
+  impl_->add_hessian(impl_->coefficients.with_rate(damping.rate), x, damping, kind, nullptr,
+                     gradient, hessian);
+}
+
+void ClothModel::step_hessian(const Points& x, const DampingRate& damping, HessianKind kind,
+                              const Points& v, double factor, Points& gradient,
+                              SparseMatrix& hessian) const {
+  assert(hessian.nonZeros() == impl_->elements.pattern.nonZeros());
+  impl_->set_gravity_gradient(gradient);
+  const detail::CellEnergy::Drag drag{impl_->coefficients.drag, v, factor};
+  impl_->add_hessian(impl_->coefficients.with_rate(damping.rate), x, damping, kind, &drag, gradient,
+                     hessian);
 }
 
 void ClothModel::add_drag(const Points& x, const Points& v, Points& force) const {
@@ -647,23 +716,7 @@ void ClothModel::add_drag(const Points& x, const Points& v, Points& force) const
 void ClothModel::add_drag_damping(const Points& x, const Points& v, double factor,
                                   SparseMatrix& hessian) const {
   assert(hessian.nonZeros() == impl_->elements.pattern.nonZeros());
-  const DragLaw& law = impl_->coefficients.drag;
-  BlockWriter writer(hessian.valuePtr(), impl_->elements.columns);
-  for (const TriangleGroup& group : impl_->elements.triangles) {
-    const TrianglePositions p = positions(group, x);
-    const Vector3<Lanes> n = detail::unit_normal(p.x0, p.x1, p.x2);
-    const Lanes s = dot(mean_velocity(group, v), n);
-    const Lanes scale = factor * group.shape.area;
-    SymmetricMatrix3<Lanes> block = (scale * (law.pressure_rate(s) - law.tangential)) * outer(n);
-    detail::add_to_diagonal(Lanes(scale * law.tangential), block);
-    for (std::size_t i = 0; i < 3; ++i)
-      writer.add((group.shares[i] * group.shares[i]) * block, group.vertices[i]);
-    for (std::size_t k = 0; k < group.slots.size(); ++k) {
-      const auto [row, column] = detail::kPairs[k];
-      writer.add(((group.shares[row] * group.shares[column]) * block).full(), group.slots[k],
-                 group.vertices[row], group.vertices[column]);
-    }
-  }
+  impl_->add_drag_damping({impl_->coefficients.drag, v, factor}, x, hessian);
 }
 
 void ClothModel::forces(const Points& x, const Points& v, Points& force) const {

@@ -74,6 +74,9 @@ class ClothModel {
   /// there.
   void potential_hessian(const Points& x, const DampingRate& damping, HessianKind kind,
                          Points& gradient, SparseMatrix& hessian) const;
+  /// The same and, as add_drag_damping() adds it, the damping of the drag.
+  void step_hessian(const Points& x, const DampingRate& damping, HessianKind kind, const Points& v,
+                    double factor, Points& gradient, SparseMatrix& hessian) const;
   /// Lower triangle with explicit zeros, 3 n x 3 n, compressed. Start of every Hessian.
   const SparseMatrix& hessian_pattern() const;
   /// Positions in hessian.valuePtr() of the 3 n diagonal entries.

@@ -24,6 +24,13 @@ struct DragLaw {
     const T denominator = 1.0 + degradation * s * s;
     return linear + (2 * normal) * absolute(s) / (denominator * denominator);
   }
+  /// Minus the derivative of the force per area by the velocity, at the normal speed s.
+  template <class T>
+  SymmetricMatrix3<T> damping(const T& s, const Vector3<T>& normal) const {
+    SymmetricMatrix3<T> out = T(pressure_rate(s) - tangential) * outer(normal);
+    for (const std::size_t i : {0U, 2U, 5U}) out.m[i] = out.m[i] + tangential;
+    return out;
+  }
   /// The derivative of the pressure by k_f.
   template <class T>
   T pressure_by_degradation(const T& s) const {

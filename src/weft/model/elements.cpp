@@ -5,12 +5,17 @@
 namespace weft::detail {
 namespace {
 
-BlockPattern make_pattern(const TriangleMesh& mesh, const std::vector<BendingElement>& bending,
+BlockPattern make_pattern(const TriangleMesh& mesh, const std::vector<CellBends>& cells,
+                          const std::vector<BendingElement>& bending,
                           const std::vector<HingeElement>& hinges,
                           const std::vector<DiagonalElement>& diagonals) {
   BlockPattern pattern(mesh.vertex_count());
   // Each triangle is contained in one of these.
-  for (const BendingElement& element : bending) pattern.add_element(element.vertices);
+  for (const CellBends& cell : cells)
+    for (const auto& [row, column] : CellStencil::pairs)
+      pattern.add_element(std::array{cell.vertices[row], cell.vertices[column]});
+  if (cells.empty())
+    for (const BendingElement& element : bending) pattern.add_element(element.vertices);
   for (const HingeElement& element : hinges) pattern.add_element(element.vertices);
   for (const DiagonalElement& element : diagonals) pattern.add_element(element.vertices);
   pattern.finish();
@@ -42,23 +47,9 @@ void place(const TriangleMesh& mesh, const std::array<int, 3>& triangle,
   group.shape.dv1[lane] = shape.dv1;
   group.shape.dv2[lane] = shape.dv2;
   group.shape.area[lane] = lane < group.count ? shape.area : 0;
-  const Vec2 second = hem.area(v[0], v[1]) + hem.area(v[0], v[2]) + hem.area(v[1], v[2]);
-  group.u_layers[lane] = 1 + second.x() / shape.area;
-  group.v_layers[lane] = 1 + second.y() / shape.area;
-}
-
-/// By component, with the hem's on the sides at the element's corner: the line of the rim turns at
-/// its vertices, each with half of its two edges.
-std::array<double, 3> areas_of(const TriangleMesh& mesh, const BendingElement& element,
-                               const Hem& hem) {
-  const int corner = element.vertices[0], right = element.vertices[1], up = element.vertices[2];
-  const Vec2 second = hem.area(corner, right) + hem.area(corner, up);
-  if (second.isZero(0)) return {element.area, element.area, element.area};
-  const auto length = [&](int to) {
-    return (mesh.material.col(to) - mesh.material.col(corner)).norm();
-  };
-  const double share = 2 * element.area / (length(right) * length(up));
-  return {element.area + share * second.x(), element.area + share * second.y(), element.area};
+  const Vec2 layers = layers_of(v, shape.area, hem);
+  group.u_layers[lane] = layers.x();
+  group.v_layers[lane] = layers.y();
 }
 
 template <class Element, class Stencil>
@@ -95,6 +86,23 @@ std::vector<Group> groups(int count, const Place& place_one) {
 
 }  // namespace
 
+std::array<double, 3> areas_by_component(const TriangleMesh& mesh, const BendingElement& element,
+                                         const Hem& hem) {
+  const int corner = element.vertices[0], right = element.vertices[1], up = element.vertices[2];
+  const Vec2 second = hem.area(corner, right) + hem.area(corner, up);
+  if (second.isZero(0)) return {element.area, element.area, element.area};
+  const auto length = [&](int to) {
+    return (mesh.material.col(to) - mesh.material.col(corner)).norm();
+  };
+  const double share = 2 * element.area / (length(right) * length(up));
+  return {element.area + share * second.x(), element.area + share * second.y(), element.area};
+}
+
+Vec2 layers_of(const std::array<int, 3>& triangle, double area, const Hem& hem) {
+  const auto [a, b, c] = triangle;
+  return Vec2::Ones() + (hem.area(a, b) + hem.area(a, c) + hem.area(b, c)) / area;
+}
+
 std::vector<BendingGroup> bending_groups(const std::vector<BendingElement>& elements,
                                          const BlockPattern& pattern) {
   return groups<BendingGroup>(
@@ -112,7 +120,8 @@ Elements make_elements(const TriangleMesh& mesh, ElementKinds kinds, const Hem& 
   if (kinds.bends == Bends::of_plate) bending = bending_elements(mesh);
   if (kinds.bends == Bends::of_hinges) hinges = hinge_elements(mesh);
   if (kinds.diagonals == Diagonals::all) diagonals = diagonal_elements(mesh);
-  const BlockPattern pattern = make_pattern(mesh, bending, hinges, diagonals);
+  const std::vector<CellBends> cells = cell_bends(bending);
+  const BlockPattern pattern = make_pattern(mesh, cells, bending, hinges, diagonals);
   elements.pattern = pattern.matrix();
   elements.columns = pattern.columns();
   elements.diagonal_slots = pattern.diagonal_slots();
@@ -130,12 +139,14 @@ Elements make_elements(const TriangleMesh& mesh, ElementKinds kinds, const Hem& 
   elements.bending = groups<BendingGroup>(
       static_cast<int>(bending.size()), [&](int t, int lane, BendingGroup& group) {
         const BendingElement& element = bending[at(t)];
-        place(element, areas_of(mesh, element, hem), pattern, lane, group);
+        place(element, areas_by_component(mesh, element, hem), pattern, lane, group);
       });
   elements.hinges =
       groups<HingeGroup>(static_cast<int>(hinges.size()), [&](int t, int lane, HingeGroup& group) {
         place(hinges[at(t)], hinges[at(t)].areas, pattern, lane, group);
       });
+  const int first_curvature = 3 * (mesh.triangle_count() + elements.diagonal_count);
+  elements.cells = cell_groups(cells, {mesh, bending, shares, hem, first_curvature}, pattern);
   return elements;
 }
 

@@ -6,6 +6,7 @@
 
 #include "weft/model/bending.h"
 #include "weft/model/block_pattern.h"
+#include "weft/model/cells.h"
 #include "weft/model/diagonals.h"
 #include "weft/model/hem.h"
 #include "weft/model/hinges.h"
@@ -54,6 +55,9 @@ struct Elements {
   std::vector<BendingGroup> bending;  ///< or else
   std::vector<HingeGroup> hinges;
   int bending_count;  ///< elements of these that are not filling
+  /// The triangles and bending elements of a grid once more, by cells; if there are any, the
+  /// pattern has no blocks but theirs, and the slots of `bending` are not to be used.
+  std::vector<CellGroup> cells;
   SparseMatrix pattern;
   std::vector<ColumnLayout> columns;  ///< one a vertex
   std::vector<int> diagonal_slots;
@@ -68,6 +72,13 @@ struct ElementKinds {
 /// Of a sheet without hem, in a pattern that has them.
 std::vector<BendingGroup> bending_groups(const std::vector<BendingElement>& elements,
                                          const BlockPattern& pattern);
+
+/// By component, with the hem's on the sides at the element's corner: the line of the rim turns at
+/// its vertices, each with half of its two edges.
+std::array<double, 3> areas_by_component(const TriangleMesh& mesh, const BendingElement& element,
+                                         const Hem& hem);
+/// Of cloth that stretches along u and v in a triangle of that area: 1, more at a hem.
+Vec2 layers_of(const std::array<int, 3>& triangle, double area, const Hem& hem);
 
 /// Throws Error for hinges on a mesh that is no grid.
 Elements make_elements(const TriangleMesh& mesh, ElementKinds kinds, const Hem& hem);

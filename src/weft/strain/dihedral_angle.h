@@ -36,6 +36,8 @@
 /// triangle's angle at x0 below 1e-10), the angle is not defined; value, gradient and Hessian are
 /// taken as zero. At theta = pi, folded flat onto itself, theta jumps by 2 pi; the derivatives are
 /// continuous there.
+#include <numbers>
+
 #include "weft/strain/lanes.h"
 
 namespace weft {
@@ -44,16 +46,14 @@ namespace weft {
 /// not be zero. Error at most 3 units in the last place; the same for a double and for Lanes.
 template <class T>
 inline T angle_of(const T& sine, const T& cosine) {
-  // tan(angle / 8) <= tan(pi / 8), where a short polynomial suffices; halving twice loses no
-  // digits.
-  const T zero = broadcast<T>(0), one = broadcast<T>(1);
-  const T radius = square_root(sine * sine + cosine * cosine);
-  const T magnitude = absolute(sine);
-  const auto front = cosine >= zero;
-  const T c1 = select(front, radius + cosine, magnitude);  // along (cos, sin) of angle / 2
-  const T s1 = select(front, magnitude, radius - cosine);
-  const T t2 = s1 / (square_root(c1 * c1 + s1 * s1) + c1);
-  const T t3 = t2 / (one + square_root(one + t2 * t2));
+  // The angle to the nearer axis or, where that is above pi / 8, to the diagonal: one division, and
+  // a short polynomial suffices.
+  const T zero = broadcast<T>(0);
+  const T s = absolute(sine), c = absolute(cosine);
+  const auto steep = s > c;
+  const T low = select(steep, c, s), high = select(steep, s, c);
+  const auto diagonal = low > broadcast<T>(std::numbers::sqrt2 - 1) * high;
+  const T t = select(diagonal, low - high, low) / select(diagonal, low + high, high);
   // atan(t) / t on [0, tan(pi / 8)] as a polynomial of t^2: interpolation at the 11 Chebyshev
   // nodes, relative error 3.5e-17.
   constexpr double kPolynomial[] = {1.0,
@@ -67,17 +67,20 @@ inline T angle_of(const T& sine, const T& cosine) {
                                     0.056883492268090106,
                                     -0.04348052215716462,
                                     0.021135373157693246};
-  const T z = t3 * t3;
-  T polynomial = broadcast<T>(kPolynomial[10]);
-  for (int i = 9; i >= 0; --i) polynomial = polynomial * z + broadcast<T>(kPolynomial[i]);
-  const T angle = broadcast<T>(8) * t3 * polynomial;
+  const T z = t * t, z2 = z * z, z4 = z2 * z2;
+  const auto pair = [&](std::size_t i) { return kPolynomial[i] + kPolynomial[i + 1] * z; };
+  const T last = pair(8) + kPolynomial[10] * z2;
+  const T polynomial = (pair(0) + z2 * pair(2)) + z4 * ((pair(4) + z2 * pair(6)) + z4 * last);
+  const T near = select(diagonal, broadcast<T>(std::numbers::pi / 4), zero) + t * polynomial;
+  const T right = select(steep, std::numbers::pi / 2 - near, near);
+  const T angle = select(cosine < zero, std::numbers::pi - right, right);
   return select(sine < zero, -angle, angle);
 }
 
 /// One triangle's share in the derivatives of the angle; names as in the derivation above.
 template <class T>
 struct HingeSide {
-  Vector3<T> p, q;
+  Vector3<T> p;
   T t;
   T f;
 };
@@ -87,45 +90,79 @@ struct DihedralAngle {
   T value;  ///< rad
   HingeSide<T> a, b;
   Vector3<T> c;
+  T length;  ///< of the edge
 
   /// Gradient by x0 ... x3, 1/m.
   std::array<Vector3<T>, 4> gradient() const {
     const Vector3<T> along = a.t * a.p + b.t * b.p;
     return {along - (a.p + b.p), -along, a.p, b.p};
   }
+  /// The vectors q of both sides.
+  Vector3<T> q_a() const { return length * cross(a.p, c); }
+  Vector3<T> q_b() const { return length * cross(c, b.p); }
 };
+
+namespace detail {
+
+template <class T>
+struct HingeShape {
+  Vector3<T> e, to_a, to_b, normal_a, normal_b;
+  T ee, aa, bb;               // squares of the edge and of the normals
+  decltype(T{} < T{}) valid;  // not degenerate
+  T length;                   // of the edge; 1 where degenerate
+};
+
+template <class T>
+inline HingeShape<T> hinge_shape(const Vector3<T>& x0, const Vector3<T>& x1, const Vector3<T>& x2,
+                                 const Vector3<T>& x3) {
+  HingeShape<T> h;
+  h.e = x1 - x0;
+  h.to_a = x2 - x0;
+  h.to_b = x3 - x0;
+  h.normal_a = cross(h.e, h.to_a);
+  h.normal_b = cross(h.to_b, h.e);
+  h.ee = dot(h.e, h.e);
+  h.aa = dot(h.normal_a, h.normal_a);
+  h.bb = dot(h.normal_b, h.normal_b);
+  const T least = broadcast<T>(1e-20) * h.ee;
+  h.valid = both(h.aa > least * dot(h.to_a, h.to_a), h.bb > least * dot(h.to_b, h.to_b));
+  h.length = square_root(select(h.valid, h.ee, broadcast<T>(1)));
+  return h;
+}
+
+/// (N_B x N_A) . e / |e| = |e| N_B . (x2 - x0), as both normals are across e.
+template <class T>
+inline T angle_of(const HingeShape<T>& h) {
+  return weft::angle_of(select(h.valid, h.length * dot(h.normal_b, h.to_a), broadcast<T>(0)),
+                        select(h.valid, dot(h.normal_a, h.normal_b), broadcast<T>(1)));
+}
+
+}  // namespace detail
+
+/// The value alone, the same as that of dihedral_angle().
+template <class T>
+inline T dihedral_angle_value(const Vector3<T>& x0, const Vector3<T>& x1, const Vector3<T>& x2,
+                              const Vector3<T>& x3) {
+  return detail::angle_of(detail::hinge_shape(x0, x1, x2, x3));
+}
 
 /// The value and what its derivatives are built of; positions in m.
 template <class T>
 inline DihedralAngle<T> dihedral_angle(const Vector3<T>& x0, const Vector3<T>& x1,
                                        const Vector3<T>& x2, const Vector3<T>& x3) {
   const T zero = broadcast<T>(0), one = broadcast<T>(1);
-  const Vector3<T> e = x1 - x0, to_a = x2 - x0, to_b = x3 - x0;
-  const Vector3<T> normal_a = cross(e, to_a), normal_b = cross(to_b, e);
-  const T ee = dot(e, e), aa = dot(normal_a, normal_a), bb = dot(normal_b, normal_b);
-  const T least = broadcast<T>(1e-20) * ee;
-  const auto valid = both(aa > least * dot(to_a, to_a), bb > least * dot(to_b, to_b));
-  // Where the hinge is degenerate, ones keep the arithmetic finite until everything is set to zero.
-  const T length_squared = select(valid, ee, one);
-  const T inverse_squared = one / length_squared;
-  const T length = square_root(length_squared);
-  const T angle = angle_of(select(valid, dot(cross(normal_b, normal_a), e) / length, zero),
-                           select(valid, dot(normal_a, normal_b), one));
-
-  const Vector3<T> unit = (one / length) * e;
-  const T inverse_aa = select(valid, one / aa, zero), inverse_bb = select(valid, one / bb, zero);
-  DihedralAngle<T> out;
-  out.value = angle;
-  out.a.p = (length * inverse_aa) * normal_a;
-  out.b.p = (length * inverse_bb) * normal_b;
-  out.a.q = cross(out.a.p, unit);
-  out.b.q = cross(unit, out.b.p);
-  out.a.t = dot(to_a, e) * inverse_squared;
-  out.b.t = dot(to_b, e) * inverse_squared;
+  const auto h = detail::hinge_shape(x0, x1, x2, x3);
+  // Where the hinge is degenerate, these are finite or zero, and so is everything.
+  const T inverse_length = one / h.length;
+  const T inverse_squared = inverse_length * inverse_length;
+  const T inverse_areas = select(h.valid, h.length / (h.aa * h.bb), zero);
   const T half = broadcast<T>(0.5) * inverse_squared * inverse_squared;
-  out.a.f = half * aa;
-  out.b.f = half * bb;
-  out.c = select(valid, inverse_squared, zero) * e;
+  DihedralAngle<T> out;
+  out.value = detail::angle_of(h);
+  out.a = {(inverse_areas * h.bb) * h.normal_a, dot(h.to_a, h.e) * inverse_squared, half * h.aa};
+  out.b = {(inverse_areas * h.aa) * h.normal_b, dot(h.to_b, h.e) * inverse_squared, half * h.bb};
+  out.c = select(h.valid, inverse_squared, zero) * h.e;
+  out.length = h.length;
   return out;
 }
 
@@ -147,10 +184,10 @@ struct HingeSideProducts {
 };
 
 template <class T>
-inline HingeSideProducts<T> side_products(const HingeSide<T>& side, const Vector3<T>& c,
-                                          const T& factor) {
-  const Vector3<T> p = (-factor) * side.p;
-  return {symmetric_outer(p, side.q), outer(p, c)};
+inline HingeSideProducts<T> side_products(const Vector3<T>& p, const Vector3<T>& q,
+                                          const Vector3<T>& c, const T& factor) {
+  const Vector3<T> minus_p = (-factor) * p;
+  return {symmetric_outer(minus_p, q), outer(minus_p, c)};
 }
 
 enum class Sign { minus, plus };
@@ -179,12 +216,14 @@ inline SymmetricMatrix3<T> twice_symmetric_part(const Matrix3<T>& z) {
 
 }  // namespace detail
 
-/// The Hessian of the angle, times `factor`.
+/// The Hessian of the angle, times `factor`. (Always inlined: blocks that are not used are not
+/// computed.)
 template <class T>
-inline HingeHessian<T> hinge_hessian(const DihedralAngle<T>& angle, const T& factor) {
+[[gnu::always_inline]] inline HingeHessian<T> hinge_hessian(const DihedralAngle<T>& angle,
+                                                            const T& factor) {
   const T one = broadcast<T>(1);
-  const auto a = detail::side_products(angle.a, angle.c, factor);
-  const auto b = detail::side_products(angle.b, angle.c, factor);
+  const auto a = detail::side_products(angle.a.p, angle.q_a(), angle.c, factor);
+  const auto b = detail::side_products(angle.b.p, angle.q_b(), angle.c, factor);
   const auto za = detail::twice_symmetric_part(a.z), zb = detail::twice_symmetric_part(b.z);
   const T ta = angle.a.t, tb = angle.b.t, ra = one - ta, rb = one - tb;
   const T fa = angle.a.f, fb = angle.b.f;

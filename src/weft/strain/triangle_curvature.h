@@ -46,7 +46,7 @@ struct TriangleStencil {
     return detail::hinge_vertices(j);
   }
   template <class T>
-  static void choose_turns(std::array<DihedralAngle<T>, hinges>& /*angles*/) {}
+  static void choose_turns(std::array<T, hinges>& /*angles*/) {}
 };
 
 struct EdgeStencil {
@@ -57,9 +57,9 @@ struct EdgeStencil {
     return kHinges[j];
   }
   template <class T>
-  static void choose_turns(std::array<DihedralAngle<T>, hinges>& angles) {
+  static void choose_turns(std::array<T, hinges>& angles) {
     const T half = broadcast<T>(std::numbers::pi), turn = broadcast<T>(2 * std::numbers::pi);
-    T &first = angles[0].value, &second = angles[1].value;
+    T &first = angles[0], &second = angles[1];
     second = second - turn_beyond(second - first, half);
     const T back = turn_beyond(first + second, turn);
     first = first - back;
@@ -96,20 +96,44 @@ struct StencilCurvature {
 template <class T>
 using TriangleCurvature = StencilCurvature<T, TriangleStencil>;
 
+namespace detail {
+/// The components from the angles at the hinges, whose turns are still to be chosen.
+template <class T, class Stencil>
+inline std::array<T, 3> components(const CurvatureMap<T, Stencil>& map,
+                                   std::array<T, Stencil::hinges> angles) {
+  Stencil::choose_turns(angles);
+  std::array<T, 3> out;
+  for (std::size_t k = 0; k < 3; ++k) {
+    out[k] = map.r[k][0] * angles[0];
+    for (std::size_t j = 1; j < Stencil::hinges; ++j) out[k] = out[k] + map.r[k][j] * angles[j];
+  }
+  return out;
+}
+}  // namespace detail
+
+/// The components alone, the same as those of stencil_curvature().
+template <class T, class Stencil>
+inline std::array<T, 3> stencil_curvature_value(const CurvatureMap<T, Stencil>& map,
+                                                const std::array<Vector3<T>, 6>& x) {
+  std::array<T, Stencil::hinges> angles;
+  for (std::size_t j = 0; j < Stencil::hinges; ++j) {
+    const auto v = Stencil::hinge(j);
+    angles[j] = dihedral_angle_value(x[v[0]], x[v[1]], x[v[2]], x[v[3]]);
+  }
+  return detail::components(map, angles);
+}
+
 template <class T, class Stencil>
 inline StencilCurvature<T, Stencil> stencil_curvature(const CurvatureMap<T, Stencil>& map,
                                                       const std::array<Vector3<T>, 6>& x) {
   StencilCurvature<T, Stencil> out;
+  std::array<T, Stencil::hinges> angles;
   for (std::size_t j = 0; j < Stencil::hinges; ++j) {
     const auto v = Stencil::hinge(j);
     out.angles[j] = dihedral_angle(x[v[0]], x[v[1]], x[v[2]], x[v[3]]);
+    angles[j] = out.angles[j].value;
   }
-  Stencil::choose_turns(out.angles);
-  for (std::size_t k = 0; k < 3; ++k) {
-    out.value[k] = map.r[k][0] * out.angles[0].value;
-    for (std::size_t j = 1; j < Stencil::hinges; ++j)
-      out.value[k] = out.value[k] + map.r[k][j] * out.angles[j].value;
-  }
+  out.value = detail::components(map, angles);
   return out;
 }
 
