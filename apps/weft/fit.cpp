@@ -394,7 +394,7 @@ Look look_at_captures(const FitArguments& arguments, const std::vector<Capture>&
     Trajectory trajectory;
     look.evaluations.push_back(evaluate_capture(*all, fit.fabric, TruthDistance::left_out,
                                                 arguments.trial.threads(), &trajectory));
-    look.pictures.push_back(pictures_of(*all, trajectory));
+    look.pictures.push_back(pictures_of(*all, trajectory, arguments.trial.threads()));
   }
   return look;
 }
@@ -613,8 +613,8 @@ void add_search_options(CLI::App& command, FitArguments& arguments) {
       ->capture_default_str();
   command
       .add_option("--hops", arguments.hops,
-                  "rounds, at most, of two descents from the best of 20 points about the best so "
-                  "far, of some 45 evaluations' time each (--method auto)")
+                  "rounds, at most, of a descent from the best of ten points about the best so "
+                  "far, of some 25 evaluations' time each (--method auto)")
       ->check(integer_in(0, 100000))
       ->capture_default_str();
   command

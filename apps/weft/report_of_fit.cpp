@@ -204,7 +204,7 @@ ReportPerturbation report_perturbation(const PerturbationCurve& curve) {
           {curve.quadratic[0], curve.quadratic[1], curve.quadratic[2]}};
 }
 
-CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory) {
+CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory, int threads) {
   const auto first = static_cast<std::size_t>(trial.first_frame);
   // A simulation that diverged has fewer frames than the video.
   const std::size_t end = std::min(first + trial.features.size(), trajectory.frames.size());
@@ -217,17 +217,18 @@ CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory) {
   for (const FrameFeatures& features : trial.features) silhouettes.push_back(features.silhouette);
   FramePicturesOptions options;
   options.crop = bounding_box(silhouettes, 12);
-  for (std::size_t k = first; k < end; ++k) {
-    const SimulatedFrame simulated = look_at(trial, trajectory.frames[k]);
+  pictures.frames.resize(end - first);
+  parallel_for(end - first, threads, [&](std::size_t i) {
+    const SimulatedFrame simulated = look_at(trial, trajectory.frames[first + i]);
     FrameView view;
-    view.frame = static_cast<int>(k);
-    view.measured = measured[k - first];
+    view.frame = static_cast<int>(first + i);
+    view.measured = measured[i];
     view.simulated = simulated.image.intensity;
-    view.features = trial.features[k - first];
+    view.features = trial.features[i];
     view.simulated_angles = simulated.angles;
     view.simulated_silhouette = simulated.image.silhouette;
-    pictures.frames.push_back(make_frame_pictures(view, options));
-  }
+    pictures.frames[i] = make_frame_pictures(view, options);
+  });
   return pictures;
 }
 

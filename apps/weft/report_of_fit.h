@@ -64,7 +64,8 @@ nlohmann::json mesh_shift_json(const std::vector<ParameterInfo>& infos, const Ve
                                const MeshShift& mesh);
 
 /// Measured and simulated frames and their angle maps, for the report's slider. Reads the video.
-CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory);
+/// On up to `threads` threads (0: all cores).
+CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory, int threads);
 
 /// Makes the folder of a fit that keeps its evaluations in the files `stores` (SQLite). A run that
 /// was killed has its evaluations but no result, one that was stopped has the result until then;

@@ -211,6 +211,7 @@ TEST(LeastSquares, RejectsBadArguments) {
                             +[](LeastSquaresOptions& o) { o.step_tolerance = -1; },
                             +[](LeastSquaresOptions& o) { o.cost_tolerance = std::nan(""); },
                             +[](LeastSquaresOptions& o) { o.initial_damping = 0; },
+                            +[](LeastSquaresOptions& o) { o.raise = 1; },
                             +[](LeastSquaresOptions& o) { o.largest_step = 0; }}) {
     LeastSquaresOptions options;
     spoil(options);

@@ -107,6 +107,7 @@ void check(const VecX& start, const VecX& lower, const VecX& upper,
     throw Error("least squares: tolerances must not be negative");
   if (!(options.initial_damping > 0) || !(options.largest_step > 0))
     throw Error("least squares: initial_damping and largest_step must be above 0");
+  if (!(options.raise > 1)) throw Error("least squares: raise must be above 1");
 }
 
 class LevenbergMarquardt {
@@ -198,7 +199,7 @@ class LevenbergMarquardt {
     if (gain > 0) {
       damping_ *= std::max(1.0 / 3, 1 - std::pow(2 * gain - 1, 3));
       damping_ = std::max(damping_, kLeastDamping * scale);
-      raise_ = 2;
+      raise_ = options_.raise;
     } else {
       damping_ *= raise_;
       raise_ *= 2;
@@ -211,7 +212,7 @@ class LevenbergMarquardt {
   const VecX &lower_, &upper_;
   const LeastSquaresOptions& options_;
   const LeastSquaresObserver& observer_;
-  double damping_ = 0, raise_ = 2;
+  double damping_ = 0, raise_ = options_.raise;
   // How far a coordinate may move: less than largest_step where the cost was infinite, which says
   // how far is too far, but nothing of the curvature that damping stands for.
   double room_ = options_.largest_step;

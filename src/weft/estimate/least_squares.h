@@ -24,6 +24,10 @@ struct LeastSquaresOptions {
   double step_tolerance = 1e-3;   ///< ends when no coordinate moves by more, >= 0
   double cost_tolerance = 1e-4;   ///< ends when a step lowers the cost by less than this part of it
   double initial_damping = 1e-3;  ///< lambda at the start, of the largest diagonal entry; > 0
+  /// What the first of a row of steps that do not pay multiplies lambda by; each further one by
+  /// twice what the one before did. > 1. Where the cost is rough a larger one finds the length of
+  /// step that pays sooner.
+  double raise = 2;
   double largest_step = 0.3;      ///< of any coordinate, > 0
 };
 

@@ -56,6 +56,7 @@ class LeastSquaresFit {
                   EvaluationStore* store, const FitObserver& observer)
       : problem_(std::make_shared<Problem>(problem)),
         options_(options),
+        stages_(options.stages),
         store_(store),
         observer_(observer) {
     if (problem.evaluator())
@@ -77,25 +78,30 @@ class LeastSquaresFit {
             fmt::format("the scatter of a stage is {:g}, must be in [0, 1]", stage.scatter));
     }
     if (options.hops.rounds < 0) throw Error("rounds of hops must not be negative");
-    if (options.hops.drawn < 1 || options.hops.descents < 1 || options.hops.max_iterations < 1)
+    if (options.hops.drawn < 1 || options.hops.descents < 1 || options.hops.max_iterations < 1 ||
+        options.hops.steps_before < 1)
       throw Error("hops need a point, a descent and an iteration at least");
     if (!(options.hops.least_gain >= 0))
       throw Error("the least gain of a hop must not be negative");
+    if (options.hops.rounds > 0) {
+      int& iterations = stages_.back().max_iterations;
+      iterations = std::min(iterations, options.hops.steps_before);
+    }
     result_.seed = options.seed;
   }
 
   FitResult run() {
     const auto begin = Clock::now();
     std::vector<Contender> candidates = screen();
-    renew_starts(options_.stages.front(), candidates);
-    for (std::size_t k = 0; k < options_.stages.size() && !stopped_; ++k) {
-      run_stage(options_.stages[k], candidates);
-      const bool last = k + 1 == options_.stages.size();
-      const FitStage& next = options_.stages[last ? k : k + 1];
+    renew_starts(stages_.front(), candidates);
+    for (std::size_t k = 0; k < stages_.size() && !stopped_; ++k) {
+      run_stage(stages_[k], candidates);
+      const bool last = k + 1 == stages_.size();
+      const FitStage& next = stages_[last ? k : k + 1];
       keep_best(next.survivors, candidates);
       const bool renewed = renew_starts(next, candidates);
       // What the last stage said, it said of other starts.
-      if (renewed && last) run_stage(options_.stages[k], candidates);
+      if (renewed && last) run_stage(stages_[k], candidates);
     }
     hop();
     conclude();
@@ -262,7 +268,7 @@ class LeastSquaresFit {
   /// Candidates are improved side by side. Where a core has no candidate left it follows the
   /// derivatives of another's motion and looks at its frames.
   void run_stage(const FitStage& stage, std::vector<Contender>& candidates) {
-    const bool first = &stage == &options_.stages.front();
+    const bool first = &stage == &stages_.front();
     if (first) keep_best(stage.survivors, candidates);  // by the screening
     const std::size_t descended = candidates.size();
     add_scattered(stage, candidates);
@@ -273,7 +279,7 @@ class LeastSquaresFit {
     keep_other_ways(descended, candidates);
     keep_best(stage.survivors, candidates);
     const std::vector<Descent> descents = descend(stage, phase_of(stage), candidates);
-    if (&stage == &options_.stages.back() && descents.front().end.size() > 0) {
+    if (&stage == &stages_.back() && descents.front().end.size() > 0) {
       result_.start_fabric = problem_->fabric(candidates.front().scaled);
       result_.start = descents.front().start;
     }
@@ -289,7 +295,7 @@ class LeastSquaresFit {
   /// From the best point of all frames, with its starts.
   void hop() {
     const HopOptions& hops = options_.hops;
-    FitStage stage = options_.stages.back();
+    FitStage stage = stages_.back();
     stage.frames = 0;
     stage.max_iterations = hops.max_iterations;
     Rng rng(options_.seed, 4);
@@ -498,6 +504,7 @@ class LeastSquaresFit {
   std::shared_ptr<const Problem> problem_;       // with the starts that were given
   std::shared_ptr<const Problem> best_problem_;  // of the best so far
   const LeastSquaresFitOptions& options_;
+  std::vector<FitStage> stages_;
   EvaluationStore* store_;
   const FitObserver& observer_;
   std::mutex announcing_;

@@ -39,9 +39,12 @@ struct FitStage {
 /// (draw_by_curvature()), and descents begin at the best of them.
 struct HopOptions {
   int rounds = 0;  ///< at most; >= 0
-  int drawn = 20;  ///< points a round, >= 1
+  /// Iterations of the last stage, at most, where hops follow: they go on faster than it would. >=
+  /// 1
+  int steps_before = 1;
+  int drawn = 10;  ///< points a round, >= 1
   CurvatureDraw draw;
-  int descents = 2;          ///< a round, >= 1
+  int descents = 1;          ///< a round, >= 1
   int max_iterations = 4;    ///< of each, >= 1
   double least_gain = 1e-3;  ///< of the error: a round that gains less is the last one; >= 0
 };
@@ -60,7 +63,9 @@ struct LeastSquaresFitOptions {
       {.survivors = 2, .max_iterations = 8, .scattered = 24}};
   HopOptions hops;  ///< with the losses and the pull of the last stage
   FitOptions::Start start = FitOptions::Start::middle;
-  LeastSquaresOptions solver;          ///< its max_iterations is that of the stage
+  /// Its max_iterations is that of the stage. The error over a motion is rough: of the steps that
+  /// pay most follow three or four that do not.
+  LeastSquaresOptions solver{.raise = 4};
   LinearizationOptions linearization;  ///< its frames, losses and threads are overwritten
   std::uint64_t seed = 1;
   std::optional<std::uint64_t> start_seed;  ///< of Start::random; none: seed
