@@ -12,7 +12,8 @@ namespace weft::fold_metric_test {
 namespace {
 
 constexpr float kHalfTurn = std::numbers::pi_v<float>;
-constexpr int kRows = 23, kColumns = 37;  // neither a multiple of a vector's length
+// More sums of ones than a byte holds; the columns no multiple of a vector's length.
+constexpr int kRows = 307, kColumns = 165;
 
 FrameFeatures random_features(std::uint64_t seed) {
   Rng random(seed);

@@ -86,6 +86,48 @@ TEST(Residuals, SilhouettesCostTheSquareOfSmallShiftsAndTheCountOfLargeOnes) {
   EXPECT_NEAR(silhouette_cost(20, 0.1), counted, 0.01 * counted);
 }
 
+/// Blurred by a Gaussian out to 3 sigma, of what lies in the image.
+Eigen::ArrayXXd blurred(const Mask& mask, double sigma) {
+  const int reach = static_cast<int>(std::ceil(3 * sigma));
+  const auto along = [&](const Eigen::ArrayXXd& in, Eigen::Index dy, Eigen::Index dx) {
+    Eigen::ArrayXXd out = Eigen::ArrayXXd::Zero(in.rows(), in.cols());
+    double total = 0;
+    for (int n = -reach; n <= reach; ++n) total += std::exp(-0.5 * n * n / (sigma * sigma));
+    for (Eigen::Index y = 0; y < in.rows(); ++y)
+      for (Eigen::Index x = 0; x < in.cols(); ++x)
+        for (int n = -reach; n <= reach; ++n) {
+          const Eigen::Index i = y + n * dy, j = x + n * dx;
+          if (i >= 0 && j >= 0 && i < in.rows() && j < in.cols())
+            out(y, x) += std::exp(-0.5 * n * n / (sigma * sigma)) / total * in(i, j);
+        }
+    return out;
+  };
+  return along(along(mask.cast<double>(), 1, 0), 0, 1);
+}
+
+TEST(Residuals, SilhouettesOfAnyFormCostTheSquaresOfTheirBlur) {
+  const TriangleMesh mesh = swatch();
+  const Points x = folded(mesh, 0.02);
+  FrameFeatures measured = features_of(x);
+  const Mask simulated = measured.silhouette;
+  ResidualOptions options;
+  options.fold_weight = 0;
+  for (const double sigma : {2.0, 7.0}) {
+    // Holes and specks, with room between them and without, and a side at the image's border.
+    Mask& mask = measured.silhouette;
+    mask = simulated;
+    mask.block(60, 100, 1, 1).setZero();
+    mask.block(100, 90, 60, 70).setZero();
+    mask.block(120, 110, 9, 30).setOnes();
+    mask.block(5, 3, 2, 2).setOnes();
+    mask.rightCols(40).setOnes();
+    options.silhouette_sigma = sigma;
+    const double expected =
+        options.alpha * (blurred(mask, sigma) - blurred(simulated, sigma)).square().sum();
+    EXPECT_NEAR(residuals(options).evaluate(measured, x).cost, expected, 2e-3 * expected) << sigma;
+  }
+}
+
 /// Slope of the cost along direction j between two points `width` to either side.
 double slope(const ResidualOptions& options, const FrameFeatures& measured, const Points& x,
              const VecX& direction, double width) {

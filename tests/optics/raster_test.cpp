@@ -19,9 +19,13 @@ class Visits {
   void draw(ImagePoint a, ImagePoint b, ImagePoint c) {
     for_each_span(a, b, c, kColumns, kRows, [&](int row, int begin, int end) {
       ASSERT_TRUE(row >= 0 && row < kRows && begin >= 0 && begin < end && end <= kColumns);
-      for (int column = begin; column < end; ++column) ++counts_[index(row, column)];
+      add(row, begin, end);
     });
   }
+  void add(int row, int begin, int end) {
+    for (int column = begin; column < end; ++column) ++counts_[index(row, column)];
+  }
+  bool operator==(const Visits&) const = default;
   int at(int row, int column) const { return counts_[index(row, column)]; }
 
  private:
@@ -82,6 +86,39 @@ TEST(Spans, ASampleOnASharedSideBelongsToOneTriangle) {
     for (int row = 0; row < kRows; ++row)
       for (int column = 0; column < kColumns; ++column)
         ASSERT_EQ(visits.at(row, column), 1) << "row " << row << ", column " << column;
+  }
+}
+
+TEST(Spans, SeveralTrianglesInBandsCoverWhatEachCovers) {
+  Rng rng(7);
+  for (int trial = 0; trial < 50; ++trial) {
+    std::array<PointLanes, 3> corners;
+    for (PointLanes& corner : corners)
+      for (int k = 0; k < kFloatLanes; ++k) {
+        const ImagePoint point = random_point(rng);
+        corner.x[k] = point.x, corner.y[k] = point.y;
+      }
+    std::array<Visits, kFloatLanes> each, together;
+    for (int first = 0; first < kRows; first += 7) {
+      const Extent band{first, std::min(first + 7, kRows)};
+      const TriangleSpans spans(corners[0], corners[1], corners[2], band);
+      for (int k = 0; k < kFloatLanes; ++k)
+        spans.for_rows(k, kColumns, [&](const TriangleSpans::Rows& rows) {
+          ASSERT_TRUE(rows.first >= band.first && rows.first + rows.count <= band.last);
+          for (int i = 0; i < rows.count; ++i) {
+            EXPECT_EQ(rows.y[i], static_cast<float>(rows.first + i) + 0.5f);
+            together[static_cast<std::size_t>(k)].add(rows.first + i, rows.begin[i], rows.end[i]);
+          }
+        });
+    }
+    for (int k = 0; k < kFloatLanes; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      const auto corner = [&](std::size_t i) {
+        return ImagePoint{corners[i].x[k], corners[i].y[k]};
+      };
+      each[at].draw(corner(0), corner(1), corner(2));
+      EXPECT_EQ(together[at], each[at]) << "trial " << trial << ", triangle " << k;
+    }
   }
 }
 

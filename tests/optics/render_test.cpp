@@ -473,13 +473,15 @@ TEST(Renderer, AFrameDoesNotDependOnTheOneBefore) {
   options.projector_row = true;
   options.background = 0.25;
   const Sheet first;
-  Sheet second = tilted(), gone;
+  Sheet second = tilted(), gone, left, low;
   second.width = first.width, second.height = first.height;
   second.centre = Vec3(0.08, 0.1, 0.05);
   gone.centre = Vec3(0, -3, 0);
+  left.centre = Vec3(-0.03, 0.4, 0.03);
+  low.centre = Vec3(0.02, 0.3, -0.04);
   const TriangleMesh mesh = first.mesh();
   Renderer renderer(rig, mesh, options);
-  for (const Sheet& sheet : {first, second, gone, first}) {
+  for (const Sheet& sheet : {first, second, left, low, left, gone, first}) {
     const RenderedFrame& again = renderer.render(sheet.at(mesh));
     const RenderedFrame fresh = render(rig, mesh, sheet.at(mesh), options);
     EXPECT_TRUE((again.intensity == fresh.intensity).all());

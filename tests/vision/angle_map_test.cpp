@@ -234,6 +234,13 @@ TEST(AngleMap, RemembersNothingOfTheFrameBefore) {
   EXPECT_TRUE((map.angle == expected.angle).all());
   EXPECT_TRUE((map.strength == expected.strength).all());
   EXPECT_TRUE((map.valid == expected.valid).all());
+  // No pixel inside its rim.
+  Mask thin = Mask::Zero(n, n);
+  thin.block(35, 10, 2, 70).setOnes();
+  const AngleMap& of_thin = used.compute(second, thin);
+  EXPECT_EQ(of_thin.valid.cast<int>().sum(), 0);
+  EXPECT_EQ(of_thin.strength.abs().maxCoeff(), 0);
+  used.compute(second, small);
   EXPECT_EQ(used.compute(second, Mask::Zero(n, n)).valid.cast<int>().sum(), 0);
   EXPECT_EQ(used.compute(second, Mask::Zero(n, n)).angle.abs().maxCoeff(), 0);
 }
@@ -272,6 +279,9 @@ TEST(OrientationDifference, WrapsToHalfATurn) {
     EXPECT_LE(std::abs(double(d)), kPi / 2 + 1e-6);
     EXPECT_NEAR(std::sin(2 * double(d)), std::sin(2 * (double(a) - double(b))), 1e-5);
     EXPECT_NEAR(std::cos(2 * double(d)), std::cos(2 * (double(a) - double(b))), 1e-5);
+    // The same from further away, where it takes another way.
+    EXPECT_NEAR(std::cos(2 * double(orientation_difference(a + float(7 * kPi), b))),
+                std::cos(2 * double(d)), 1e-4);
   }
 }
 

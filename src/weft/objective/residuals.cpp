@@ -4,7 +4,9 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numbers>
 
@@ -30,29 +32,54 @@ void require(bool ok, const char* name, double value, const char* range) {
 }
 
 /// A silhouette blurred by a Gaussian. Keeps its buffers.
+///
+/// Most of it is flat: where all that the blur reaches is cloth, or nothing is, the sum of taps is
+/// known.
 class SoftCoverage {
  public:
-  explicit SoftCoverage(double sigma) : taps_(detail::gaussian_taps(sigma)) {}
+  explicit SoftCoverage(double sigma) : taps_(detail::gaussian_taps(sigma)) {
+    along_cloth_ = sum_of_alike(1);
+    in_cloth_ = sum_of_alike(along_cloth_);
+  }
   int reach() const { return int(taps_.size()) - 1; }
+
+  enum Kind : std::uint8_t { nothing, cloth, mixed };
 
   /// Coverage of the pixels of `box`, 0 to 1; outside the image there is no cloth.
   void blur(const Mask& mask, const Box& box) {
+    packs_ = detail::round_up(box.width()) / kPack;
     const int rows = box.height() + 2 * reach();
-    line_.resize(1, box.width() + 2 * reach(), reach());
-    along_.resize(rows, box.width(), reach());
-    out_.resize(box.height(), box.width(), 0);
+    bytes_.resize(std::size_t((packs_ + 2 * beside()) * kPack));
+    line_.resize_unfilled(1, box.width() + 2 * reach(), reach());
+    along_.resize_unfilled(rows, box.width(), 0);
+    out_.resize_unfilled(box.height(), box.width(), 0);
+    kinds_.resize(std::size_t(box.height() * packs_));
+    kinds_in_row_.resize(std::size_t(packs_ + 2 * beside()));
+    alike_.assign(std::size_t(packs_), {});
     for (int i = 0; i < rows; ++i) {
-      const int y = box.y0 - reach() + i;
-      if (y >= 0 && y < int(mask.rows())) blur_row(mask, y, box, along_.row(i));
+      blur_along_x(mask, box, i);
+      if (i >= 2 * reach()) blur_along_y(i - 2 * reach());
     }
-    const std::ptrdiff_t stride = along_.row(1) - along_.row(0);
-    for (int i = 0; i < box.height(); ++i)
-      for (int x = 0; x < box.width(); x += kPack)
-        store(out_.row(i) + x, taps_sum(along_.row(i + reach()) + x, stride));
   }
   const float* row(int i) const { return out_.row(i); }
+  /// What lies around the pixels of pack p of a row: all cloth, nothing, or this and that. The
+  /// coverage of all is the same where it is one of the first two.
+  Kind kind(int i, int p) const { return kinds_[std::size_t(i * packs_ + p)]; }
 
  private:
+  /// Rows above one another whose packs are all of one kind.
+  struct Alike {
+    Kind kind = mixed;
+    int rows = 0;
+  };
+  /// Packs on either side that the blur reaches.
+  int beside() const { return (reach() + kPack - 1) / kPack; }
+
+  float sum_of_alike(float value) const {
+    float sum = taps_[0] * value;
+    for (std::size_t n = 1; n < taps_.size(); ++n) sum += taps_[n] * (value + value);
+    return sum;
+  }
   Pack taps_sum(const float* in, std::ptrdiff_t step) const {
     Pack sum = taps_[0] * load(in);
     for (std::size_t n = 1; n < taps_.size(); ++n) {
@@ -62,23 +89,78 @@ class SoftCoverage {
     return sum;
   }
 
-  void blur_row(const Mask& mask, int y, const Box& box, float* out) {
+  /// Copies the row and finds out of which kind its packs are; false: nothing is there.
+  bool read_row(const Mask& mask, const Box& box, int y) {
+    if (y < 0 || y >= int(mask.rows())) return false;
+    const int left = box.x0 - beside() * kPack, right = left + int(bytes_.size());
+    const int first = std::clamp(left, 0, int(mask.cols()));
+    const int last = std::clamp(right, 0, int(mask.cols()));
+    std::fill(bytes_.begin(), bytes_.begin() + (first - left), std::uint8_t{0});
+    std::fill(bytes_.end() - (right - last), bytes_.end(), std::uint8_t{0});
     const std::uint8_t* in = mask.data() + y * mask.cols();
-    const int first = std::max(box.x0 - reach(), 0);
-    const int last = std::min(box.x1 + reach(), int(mask.cols()));
-    float* line = line_.row(0);
-    bool any = false;
-    for (int x = box.x0 - reach(); x < box.x1 + reach(); ++x) {
-      const bool inside = x >= first && x < last && in[x] != 0;
-      line[x - box.x0] = inside ? 1.0f : 0.0f;
-      any = any || inside;
+    std::transform(in + first, in + last, bytes_.begin() + (first - left),
+                   [](std::uint8_t inside) { return std::uint8_t(inside != 0); });
+    bool something = false;
+    for (std::size_t p = 0; p < kinds_in_row_.size(); ++p) {
+      std::array<std::uint64_t, 2> eight;
+      static_assert(sizeof eight == kPack);
+      std::memcpy(&eight, &bytes_[p * kPack], sizeof eight);
+      const bool any = (eight[0] | eight[1]) != 0;
+      const bool all = (eight[0] & eight[1]) == 0x0101010101010101u;
+      kinds_in_row_[p] = !any ? nothing : all ? cloth : mixed;
+      something = something || any;
     }
-    if (!any) return;
-    for (int x = 0; x < box.width(); x += kPack) store(out + x, taps_sum(line + x, 1));
+    return something;
+  }
+
+  void blur_along_x(const Mask& mask, const Box& box, int i) {
+    float* out = along_.row(i);
+    if (!read_row(mask, box, box.y0 - reach() + i)) {
+      std::fill_n(out, packs_ * kPack, 0.0f);
+      for (Alike& alike : alike_) add_row(alike, nothing);
+      return;
+    }
+    float* line = line_.row(0);
+    const std::uint8_t* in = bytes_.data() + beside() * kPack;
+    for (int x = -reach(); x < packs_ * kPack + reach(); ++x) line[x] = float(in[x]);
+    for (int p = 0; p < packs_; ++p) {
+      Kind kind = kinds_in_row_[std::size_t(p)];
+      for (int k = 1; k <= 2 * beside(); ++k)
+        if (kinds_in_row_[std::size_t(p + k)] != kind) kind = mixed;
+      add_row(alike_[std::size_t(p)], kind);
+      if (kind == mixed)
+        store(out + p * kPack, taps_sum(line + p * kPack, 1));
+      else
+        std::fill_n(out + p * kPack, kPack, kind == cloth ? along_cloth_ : 0.0f);
+    }
+  }
+  static void add_row(Alike& alike, Kind kind) {
+    alike.rows = alike.kind == kind ? alike.rows + 1 : 1;
+    alike.kind = kind;
+  }
+
+  void blur_along_y(int i) {
+    const std::ptrdiff_t stride = along_.row(1) - along_.row(0);
+    float* out = out_.row(i);
+    for (int p = 0; p < packs_; ++p) {
+      const Alike& alike = alike_[std::size_t(p)];
+      const Kind kind = alike.rows > 2 * reach() ? alike.kind : mixed;
+      kinds_[std::size_t(i * packs_ + p)] = kind;
+      if (kind == mixed)
+        store(out + p * kPack, taps_sum(along_.row(i + reach()) + p * kPack, stride));
+      else
+        std::fill_n(out + p * kPack, kPack, kind == cloth ? in_cloth_ : 0.0f);
+    }
   }
 
   const Taps taps_;
+  float along_cloth_ = 1, in_cloth_ = 1;  ///< cloth blurred along x, along both
+  int packs_ = 0;
+  std::vector<std::uint8_t> bytes_;  ///< a row of the mask, from some packs left of the box
   Plane line_, along_, out_;
+  std::vector<Kind> kinds_in_row_;  ///< of the packs of `bytes_`
+  std::vector<Alike> alike_;
+  std::vector<Kind> kinds_;
 };
 
 Box enclosing(const Box& a, const Box& b) {
@@ -166,6 +248,7 @@ class FrameComparison {
   std::vector<std::vector<Eigen::Index>> residuals_by_patch(const PatchGrid& grid) const;
   double collect_folds(const FrameFeatures& measured, const AngleMap& simulated);
   double collect_outlines(const FrameFeatures& measured, const Mask& silhouette);
+  double collect_outlines(int i, int first, int last, double cost);
   double collect_phase(const FrameFeatures& measured, const Image& rows, FrameCost& cost);
   double fastest_motion(const Points& x, const Eigen::Ref<const VecX>& direction) const;
   void differentiate_stripes(const Points& x, const MatX& directions);
@@ -275,12 +358,22 @@ double FrameComparison::collect_folds(const FrameFeatures& measured, const Angle
   angles_.clear();
   if (options_.fold_weight == 0) return 0;
   double cost = 0;
-  for (int row = 0; row < height_; ++row) {
-    for (int column = 0; column < width_; ++column) {
-      const Eigen::Index i = Eigen::Index(row) * width_ + column;
-      if (!(measured.fold_mask.data()[i] & measured.angles.valid.data()[i] &
-            simulated.valid.data()[i]))
-        continue;
+  const Eigen::Index count = Eigen::Index(height_) * width_;
+  const auto both = [&](Eigen::Index i) {
+    return measured.fold_mask.data()[i] & measured.angles.valid.data()[i] &
+           simulated.valid.data()[i];
+  };
+  constexpr Eigen::Index kTogether = 32;
+  for (Eigen::Index first = 0; first < count; first += kTogether) {
+    const Eigen::Index last = std::min(first + kTogether, count);
+    if (last - first == kTogether) {
+      int any = 0;
+      for (Eigen::Index k = 0; k < kTogether; ++k) any |= both(first + k);
+      if (!any) continue;
+    }
+    for (Eigen::Index i = first; i < last; ++i) {
+      if (!both(i)) continue;
+      const int row = int(i / width_), column = int(i % width_);
       const float angle = simulated.angle.data()[i];
       const double r = double(orientation_difference(angle, measured.angles.angle.data()[i]));
       cost += loss(r, options_.fold_scale);
@@ -305,21 +398,31 @@ double FrameComparison::collect_outlines(const FrameFeatures& measured, const Ma
   measured_coverage_.blur(measured.silhouette, box_);
   coverage_.blur(silhouette, box_);
   double cost = 0;
-  for (int i = 0; i < box_.height(); ++i) {
-    const float* seen = measured_coverage_.row(i);
-    const float* simulated = coverage_.row(i);
-    const bool sampled = (box_.y0 + i) % options_.stride == 0;
-    for (int j = 0; j < box_.width(); ++j) {
-      const float s = simulated[j], difference = s - seen[j];
-      cost += double(difference * difference);
-      if (!sampled || (box_.x0 + j) % options_.stride != 0) continue;
-      if (std::abs(difference) < kCoverageFloor && std::min(s, 1 - s) < kCoverageFloor) continue;
-      outline_.push_back({i, j, s});
-      residuals_.push_back(double(difference));
-      weights_.push_back(share_ * options_.alpha);
+  for (int i = 0; i < box_.height(); ++i)
+    for (int j = 0; j < box_.width(); j += kPack) {
+      const SoftCoverage::Kind kind = coverage_.kind(i, j / kPack);
+      const bool same = kind == measured_coverage_.kind(i, j / kPack);
+      if (same && kind != SoftCoverage::mixed) continue;  // no outline, no difference
+      cost = collect_outlines(i, j, std::min(j + kPack, box_.width()), cost);
     }
-  }
   return options_.alpha * cost;
+}
+
+/// Of the pixels first..last - 1 of row i of the box; returns `cost` with theirs added.
+double FrameComparison::collect_outlines(int i, int first, int last, double cost) {
+  const float* seen = measured_coverage_.row(i);
+  const float* simulated = coverage_.row(i);
+  const bool sampled = (box_.y0 + i) % options_.stride == 0;
+  for (int j = first; j < last; ++j) {
+    const float s = simulated[j], difference = s - seen[j];
+    cost += double(difference * difference);
+    if (!sampled || (box_.x0 + j) % options_.stride != 0) continue;
+    if (std::abs(difference) < kCoverageFloor && std::min(s, 1 - s) < kCoverageFloor) continue;
+    outline_.push_back({i, j, s});
+    residuals_.push_back(double(difference));
+    weights_.push_back(share_ * options_.alpha);
+  }
+  return cost;
 }
 
 /// Of the vertices along `direction`, px per unit; motion along the ray counts like motion across

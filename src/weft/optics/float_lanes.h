@@ -1,5 +1,7 @@
 #pragma once
 /// Several floats that are worked on at once; arithmetic and comparison act on each.
+#include <array>
+#include <bit>
 #include <cstring>
 #include <utility>
 
@@ -41,6 +43,97 @@ Values load_lanes(const auto* from) {
 template <class Values>
 void store_lanes(auto* to, Values values) {
   std::memcpy(to, &values, sizeof values);
+}
+
+namespace detail {
+using Quad = float __attribute__((vector_size(4 * sizeof(float))));
+
+/// Of every four lanes of a and b those with these indices, 4 to 7: of b.
+template <int i0, int i1, int i2, int i3, int... k>
+inline FloatLanes shuffled(FloatLanes a, FloatLanes b, std::integer_sequence<int, k...>) {
+  constexpr std::array<int, 4> from{i0, i1, i2, i3};
+  return __builtin_shufflevector(
+      a, b, (k / 4 * 4 + from[k % 4] + (from[k % 4] < 4 ? 0 : kFloatLanes - 4))...);
+}
+template <int i0, int i1, int i2, int i3>
+inline FloatLanes shuffled(FloatLanes a, FloatLanes b) {
+  return shuffled<i0, i1, i2, i3>(a, b, LaneIndices{});
+}
+
+/// Four floats of each row k, k + 4, ... side by side.
+template <std::size_t rows>
+inline FloatLanes quads(const std::array<const float*, rows>& row, std::size_t k,
+                        std::size_t column) {
+  static_assert(rows == kFloatLanes && (rows == 4 || rows == 8));
+  const auto quad = [&](std::size_t i) { return load_lanes<Quad>(row[i] + column); };
+  if constexpr (rows == 4)
+    return quad(k);
+  else
+    return __builtin_shufflevector(quad(k), quad(k + 4), 0, 1, 2, 3, 4, 5, 6, 7);
+}
+}  // namespace detail
+
+/// Columns `first` to first + 3 of a table from rows of it, one a lane.
+inline std::array<FloatLanes, 4> load_columns(const std::array<const float*, kFloatLanes>& row,
+                                              std::size_t first) {
+  const FloatLanes a = detail::quads(row, 0, first), b = detail::quads(row, 1, first);
+  const FloatLanes c = detail::quads(row, 2, first), d = detail::quads(row, 3, first);
+  const FloatLanes ab = detail::shuffled<0, 4, 1, 5>(a, b), cd = detail::shuffled<0, 4, 1, 5>(c, d);
+  const FloatLanes ef = detail::shuffled<2, 6, 3, 7>(a, b), gh = detail::shuffled<2, 6, 3, 7>(c, d);
+  return {detail::shuffled<0, 1, 4, 5>(ab, cd), detail::shuffled<2, 3, 6, 7>(ab, cd),
+          detail::shuffled<0, 1, 4, 5>(ef, gh), detail::shuffled<2, 3, 6, 7>(ef, gh)};
+}
+
+/// The other way round: writes these columns of a table to rows of it.
+inline void store_columns(const std::array<float*, kFloatLanes>& row, std::size_t first,
+                          FloatLanes a, FloatLanes b, FloatLanes c, FloatLanes d) {
+  const FloatLanes ab = detail::shuffled<0, 4, 1, 5>(a, b), cd = detail::shuffled<0, 4, 1, 5>(c, d);
+  const FloatLanes ef = detail::shuffled<2, 6, 3, 7>(a, b), gh = detail::shuffled<2, 6, 3, 7>(c, d);
+  const std::array<FloatLanes, 4> out{
+      detail::shuffled<0, 1, 4, 5>(ab, cd), detail::shuffled<2, 3, 6, 7>(ab, cd),
+      detail::shuffled<0, 1, 4, 5>(ef, gh), detail::shuffled<2, 3, 6, 7>(ef, gh)};
+  for (std::size_t k = 0; k < kFloatLanes; ++k)
+    std::memcpy(row[k] + first, reinterpret_cast<const char*>(&out[k % 4]) + k / 4 * 16, 16);
+}
+
+namespace detail {
+template <class Values, int... k>
+inline std::array<Values, 2> even_and_odd(Values a, Values b, std::integer_sequence<int, k...>) {
+  return {__builtin_shufflevector(a, b, (2 * k)...), __builtin_shufflevector(a, b, (2 * k + 1)...)};
+}
+}  // namespace detail
+
+/// Every second lane of a and then of b: the even ones, the odd ones.
+template <class Values>
+std::array<Values, 2> even_and_odd(Values a, Values b) {
+  return detail::even_and_odd(a, b, detail::LaneIndices{});
+}
+
+/// Whether a mask is set in all lanes, in any.
+inline bool all_of(IntLanes mask) {
+  int all = -1;
+  for (int k = 0; k < kFloatLanes; ++k) all &= mask[k];
+  return all != 0;
+}
+inline bool any_of(IntLanes mask) { return !all_of(~mask); }
+
+/// table[at] and table[at + 1] of each lane; at >= 0.
+inline std::array<FloatLanes, 2> load_pairs(const float* table, IntLanes at) {
+  // Each pair at once, as a number that is only carried.
+  using Pairs = double __attribute__((vector_size(sizeof(FloatLanes))));
+  const auto pair = [&](int k) {
+    double both;
+    std::memcpy(&both, table + static_cast<unsigned>(at[k]), sizeof both);
+    return both;
+  };
+  // Two pairs of every four to either: 0, 1, 4, 5 and 2, 3, 6, 7.
+  constexpr auto half = std::make_integer_sequence<int, kFloatLanes / 2>{};
+  const auto first = [](int k) { return k / 2 * 4 + k % 2; };
+  const auto a = detail::collect<Pairs>([&](int k) { return pair(first(k)); }, half);
+  const auto b = detail::collect<Pairs>([&](int k) { return pair(first(k) + 2); }, half);
+  const auto floats = [](Pairs pairs) { return std::bit_cast<FloatLanes>(pairs); };
+  return {detail::shuffled<0, 2, 4, 6>(floats(a), floats(b)),
+          detail::shuffled<1, 3, 5, 7>(floats(a), floats(b))};
 }
 
 inline FloatLanes to_float(IntLanes a) { return __builtin_convertvector(a, FloatLanes); }

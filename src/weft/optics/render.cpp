@@ -20,6 +20,8 @@ namespace {
 
 constexpr double kNearest = 1e-3;      // m, from the plane of a device
 constexpr double kLargestImage = 1e6;  // px; farther out, rounding would spoil the edges
+// Rows of pixels that are drawn and then resolved together: their samples stay in the cache.
+constexpr int kBandHeight = 16;
 
 void require(bool good, const char* what, double value, const char* valid) {
   if (!good) throw Error(fmt::format("render: {} is {}; must be {}", what, value, valid));
@@ -43,29 +45,47 @@ void check(const Rig& rig, const RenderOptions& o) {
 
 /// A point of the surface as both devices see it. Quantities divided by the camera's depth are
 /// affine over the image of a triangle.
-struct Vertex {
+struct alignas(32) Vertex {
   /// Homogeneous projector coordinates and 1, over the camera's depth. Last one 0: the camera does
   /// not see it; third one 0: the projector does not.
-  Eigen::Array4f over_depth{0, 0, 0, 0};
+  std::array<float, 4> over_depth{};
   float cosine = 0;    ///< of normal and direction to the projector, signed
   float row = 0;       ///< projector px, for the size of footprints
   float x = 0, y = 0;  ///< camera image, samples
   float inverse_depth() const { return over_depth[3]; }
-  bool lit() const { return over_depth[2] > 0; }
+  const float* row_of_table() const { return over_depth.data(); }
+};
+static_assert(sizeof(Vertex) == 8 * sizeof(float));
+
+/// Several of them.
+struct VertexLanes {
+  std::array<FloatLanes, 4> over_depth;
+  FloatLanes cosine, row;
+  PointLanes image;
+  FloatLanes inverse_depth() const { return over_depth[3]; }
+  IntLanes lit() const { return over_depth[2] > 0; }
 };
 
 /// What shading needs at a point, each affine over the image of a triangle or constant: homogeneous
 /// projector coordinates and 1, over the camera's depth; the cosine on the camera's side (0: no
 /// light); projector rows a sample; the slope of the shadow map's depth.
-using Affine = Eigen::Array<float, 8, 1>;
 enum AffineEntry { kColumn, kRow, kDepth, kOne, kCosine, kFootprint, kSlopeX, kSlopeY };
+constexpr int kAffine = kFootprint;  // entries before are affine, the others constant
+using Affine = std::array<FloatLanes, 8>;
 
-/// A drawn triangle, as shading needs it.
+/// A drawn triangle, as shading needs it: a row of a table.
 struct alignas(32) Piece {
-  Affine at_corner, along_second, along_third;
-  BarycentricGradient gradient;
-  float x, y;  ///< the corner, samples
+  std::array<float, 8> at_corner;
+  /// From the corner to the second and third one: changes of the affine entries, then the gradient
+  /// of its barycentric coordinate, and of the corner's position in the image one coordinate each.
+  struct Side {
+    std::array<float, kAffine> change;
+    float gradient_x, gradient_y, corner;
+  } second, third;
+  float* row() { return at_corner.data(); }
+  const float* row() const { return at_corner.data(); }
 };
+static_assert(sizeof(Piece) == 24 * sizeof(float));
 
 /// Of several points.
 struct Shades {
@@ -78,16 +98,24 @@ struct ShadePoints {
   IntLanes piece{};
 };
 
+/// Pixels beside each other: the nearest and the farthest inverse depth of their samples, and the
+/// piece at the one in the middle.
+struct PixelLanes {
+  FloatLanes nearest, farthest;
+  IntLanes piece;
+};
+
 /// A pixel's column and what covers it.
 struct Covered {
   int column, piece;
 };
 
-/// Samples first..last - 1 along one axis; empty if last <= first.
-struct Extent {
-  int first = 0, last = 0;
+/// A vertex among the rows of samples: the first row whose samples lie below it, and the bands of
+/// that row and of the one before.
+struct RowOfVertex {
+  int row, band, band_before;
 };
-
+constexpr int kUnseen = std::numeric_limits<int>::max();
 }  // namespace
 
 struct Renderer::Impl {
@@ -105,15 +133,17 @@ struct Renderer::Impl {
     shadow_vertices.resize(count);
     pieces.resize(surface.triangles().size());
     depth_range.resize(pieces.size());
+    row_of.resize(count);
+    bands_of.resize(pieces.size());
+    band_begin.resize(static_cast<std::size_t>((rig.height - 1) / kBandHeight) + 2);
     slopes.resize(surface.triangles().size(), ShadowMap::Slope{0, 0});
     sample_columns = rig.width * samples;
     // An odd number of cache lines: rows at the same column do not fight for the same places.
     stride = sample_columns / 32 * 32 + 48;
-    const auto buffer = static_cast<std::size_t>(stride) * rig.height * samples;
-    inverse_depth.resize(buffer + kFloatLanes);
-    piece_at.resize(buffer + kFloatLanes);
-    nearest.resize(static_cast<std::size_t>(rig.width));
-    farthest.resize(nearest.size());
+    const auto buffer = static_cast<std::size_t>(stride) * kBandHeight * samples;
+    const auto beyond = static_cast<std::size_t>(kFloatLanes) * samples;  // whole packs of pixels
+    inverse_depth.resize(buffer + beyond);
+    piece_at.resize(buffer + beyond);
     frame.intensity.setConstant(rig.height, rig.width, static_cast<float>(options.background));
     frame.silhouette.setZero(rig.height, rig.width);
     frame.depth.setZero(rig.height, rig.width);
@@ -122,20 +152,20 @@ struct Renderer::Impl {
   }
 
   void render(const Points& x) {
-    erase_last_frame();
+    const Extent last_rows = rows, last_columns = columns;
     surface.evaluate(x);
     project();
+    erase_beside(last_rows, last_columns);
     if (options.shadows) shadow_map.draw(shadow_vertices, surface.triangles(), slopes);
-    draw();
     switch (samples) {
       case 1:
-        resolve<1>();
+        draw<1>();
         break;
       case 2:
-        resolve<2>();
+        draw<2>();
         break;
       default:
-        resolve<0>();
+        draw<0>();
     }
   }
 
@@ -143,28 +173,36 @@ struct Renderer::Impl {
   static constexpr float kNoRow = std::numeric_limits<float>::quiet_NaN();
 
   void order_samples();
-  void erase_last_frame();
+  void erase(Extent erased_rows, Extent erased_columns);
+  void erase_beside(Extent last_rows, Extent last_columns);
   void project();
   Vertex project_vertex(const Vec3& point, const Vec3& normal, ShadowMap::Vertex& shadow) const;
   void set_extent(const Eigen::Array2f& low, const Eigen::Array2f& high);
+  void find_rows();
+  void sort_into_bands();
+  template <int kSamples>
   void draw();
-  void draw_piece(int t);
+  void draw_pieces(const int* t, int count, Extent lines);
+  VertexLanes corners(const std::array<int, kFloatLanes>& pieces, std::size_t corner) const;
+  void set_pieces(const std::array<int, kFloatLanes>& at_lane, const VertexLanes& a,
+                  const VertexLanes& b, const VertexLanes& c, const GradientLanes& gradient);
+  void draw_rows(int t, const TriangleSpans::Rows& rows, FloatLanes start, float slope);
   template <int kSamples>
-  void resolve();
-  template <int kSamples>
-  void find_depths(int i);
+  PixelLanes look_at_pixels(int i, int j) const;
   template <int kSamples>
   void resolve_row(int i);
+  void shade_run(int i, int j, IntLanes piece);
   void shade_whole(int i);
   void resolve_sampled(int i, int j);
   int piece_at_centre(int i, int j) const;
   Shades shade(const ShadePoints& points, float footprint_samples) const;
-  Shades shine(const std::array<FloatLanes, 8>& affine, float footprint_samples) const;
+  Shades shine(const Affine& affine, float footprint_samples) const;
   void write_intensity(int i, int j, float intensity);
   void write_surface(int i, int j, float depth, float row);
 
+  /// Of a sample in the band at hand.
   std::size_t at(int row, int column) const {
-    return static_cast<std::size_t>(row) * stride + column;
+    return static_cast<std::size_t>(row - first_line) * stride + column;
   }
 
  public:
@@ -184,12 +222,16 @@ struct Renderer::Impl {
   std::vector<Piece> pieces;
   /// Change of a piece's inverse depth from one sample to the next one, diagonally.
   std::vector<float> depth_range;
-  std::vector<float> inverse_depth;  ///< z-buffer; 0: nothing, everywhere between frames
+  std::vector<RowOfVertex> row_of;
+  std::vector<Extent> bands_of;      ///< of each piece
+  std::vector<int> band_begin;       ///< the first one of a band among `in_band`, and the end
+  std::vector<int> in_band;          ///< the pieces of each band, in order
+  int first_line = 0;                ///< row of samples where the band at hand begins
+  std::vector<float> inverse_depth;  ///< z-buffer of a band; 0: nothing, everywhere between bands
   std::vector<int> piece_at;         ///< valid where inverse_depth is not 0
   std::vector<std::array<int, 2>> central_first;  ///< samples of a pixel (row, column) by distance
   Extent rows, columns;                           ///< of pixels that the surface may touch
-  std::vector<float> nearest, farthest;           ///< inverse depth in each pixel of a row
-  std::vector<Covered> whole;  ///< pixels of a row that one piece of surface fills
+  std::vector<Covered> whole;  ///< pixels of a row that one piece of surface fills, but for runs
   RenderedFrame frame;
 };
 
@@ -205,16 +247,30 @@ void Renderer::Impl::order_samples() {
                    [&](const auto& s, const auto& t) { return distance(s) < distance(t); });
 }
 
-void Renderer::Impl::erase_last_frame() {
-  const int height = rows.last - rows.first, width = columns.last - columns.first;
+void Renderer::Impl::erase(Extent erased_rows, Extent erased_columns) {
+  const int height = erased_rows.last - erased_rows.first;
+  const int width = erased_columns.last - erased_columns.first;
   if (height <= 0 || width <= 0) return;
-  const auto erase = [&](auto& image, auto value) {
-    image.block(rows.first, columns.first, height, width).setConstant(value);
+  const auto fill = [&](auto& image, auto value) {
+    image.block(erased_rows.first, erased_columns.first, height, width).setConstant(value);
   };
-  erase(frame.intensity, static_cast<float>(options.background));
-  erase(frame.silhouette, std::uint8_t{0});
-  erase(frame.depth, 0.0f);
-  if (options.projector_row) erase(frame.projector_row, kNoRow);
+  fill(frame.intensity, static_cast<float>(options.background));
+  fill(frame.silhouette, std::uint8_t{0});
+  fill(frame.depth, 0.0f);
+  if (options.projector_row) fill(frame.projector_row, kNoRow);
+}
+
+/// What the last frame covers and this one does not; the rest is erased row by row, before it is
+/// written.
+void Renderer::Impl::erase_beside(Extent last_rows, Extent last_columns) {
+  if (columns.last <= columns.first || rows.last <= rows.first)
+    return erase(last_rows, last_columns);
+  const Extent both{std::clamp(rows.first, last_rows.first, last_rows.last),
+                    std::clamp(rows.last, last_rows.first, last_rows.last)};
+  erase({last_rows.first, both.first}, last_columns);
+  erase({both.last, last_rows.last}, last_columns);
+  erase(both, {last_columns.first, std::min(last_columns.last, columns.first)});
+  erase(both, {std::max(last_columns.first, columns.last), last_columns.last});
 }
 
 void Renderer::Impl::project() {
@@ -253,7 +309,8 @@ Vertex Renderer::Impl::project_vertex(const Vec3& point, const Vec3& normal,
   out.y = static_cast<float>(seen.y() * samples);
   out.over_depth[3] = static_cast<float>(inverse);
   if (shadow.inverse_depth <= 0) return out;
-  out.over_depth.head<3>() = Eigen::Array3d(lit.x() * ratio, lit.y() * ratio, ratio).cast<float>();
+  out.over_depth = {static_cast<float>(lit.x() * ratio), static_cast<float>(lit.y() * ratio),
+                    static_cast<float>(ratio), static_cast<float>(inverse)};
   out.cosine = static_cast<float>(normal.dot((rig.projector.center() - point).normalized()));
   out.row = shadow.y;
   return out;
@@ -272,70 +329,169 @@ void Renderer::Impl::set_extent(const Eigen::Array2f& low, const Eigen::Array2f&
   rows = clipped(low.y(), high.y(), rig.height);
 }
 
-void Renderer::Impl::draw() {
-  if (columns.last <= columns.first) return;
-  for (int t = 0; t < static_cast<int>(pieces.size()); ++t) draw_piece(t);
+void Renderer::Impl::find_rows() {
+  const auto last = static_cast<float>(rig.height * samples);
+  const int lines = kBandHeight * samples;
+  for (std::size_t v = 0; v < vertices.size(); ++v) {
+    if (vertices[v].inverse_depth() <= 0) {
+      row_of[v] = {0, kUnseen, kUnseen};
+      continue;
+    }
+    const int row = static_cast<int>(std::clamp(vertices[v].y + 0.5f, 0.0f, last));
+    row_of[v] = {row, row / lines, (row - 1) / lines};
+  }
 }
 
-void Renderer::Impl::draw_piece(int t) {
-  const auto& corners = surface.triangles()[t];
-  const Vertex &a = vertices[corners[0]], &b = vertices[corners[1]], &c = vertices[corners[2]];
-  if (a.inverse_depth() <= 0 || b.inverse_depth() <= 0 || c.inverse_depth() <= 0) return;
-  const ImagePoint pa{a.x, a.y}, pb{b.x, b.y}, pc{c.x, c.y};
-  Piece& piece = pieces[t];
-  if (!piece.gradient.set(pa, pb, pc)) return;
-  const ImagePoint depth =
-      piece.gradient.of(a.inverse_depth(), b.inverse_depth(), c.inverse_depth());
-  const ImagePoint row = piece.gradient.of(a.row, b.row, c.row);
-  const bool lit = a.lit() && b.lit() && c.lit();
-  const float facing = !lit ? 0.0f : piece.gradient.twice_area < 0 ? 1.0f : -1.0f;
-  piece.x = a.x, piece.y = a.y;
-  depth_range[t] = std::abs(depth.x) + std::abs(depth.y);
-  piece.at_corner << a.over_depth, facing * a.cosine, std::sqrt(row.x * row.x + row.y * row.y),
-      slopes[t].x, slopes[t].y;
-  piece.along_second << b.over_depth - a.over_depth, facing * (b.cosine - a.cosine), 0, 0, 0;
-  piece.along_third << c.over_depth - a.over_depth, facing * (c.cosine - a.cosine), 0, 0, 0;
-  for_each_span(
-      pa, pb, pc, sample_columns, rig.height * samples, [&](int line, int begin, int end) {
-        const float start = a.inverse_depth() + (static_cast<float>(line) + 0.5f - a.y) * depth.y +
-                            (0.5f - a.x) * depth.x;
-        float* nearest_here = &inverse_depth[at(line, 0)];
-        int* owner = &piece_at[at(line, 0)];
-        // In packs, as long as most spans: no loop whose length must be guessed. Beyond the end
-        // nothing changes.
-        for (int first = begin; first < end; first += kFloatLanes) {
-          const IntLanes column = first + int_lanes([](int k) { return k; });
-          const FloatLanes before = load_lanes<FloatLanes>(nearest_here + first);
-          const FloatLanes z = start + to_float(column) * depth.x;
-          const IntLanes seen = (column < end) & (z > before);
-          store_lanes(nearest_here + first, seen ? z : before);
-          const IntLanes owned = load_lanes<IntLanes>(owner + first);
-          store_lanes(owner + first, seen ? IntLanes{} + t : owned);
-        }
-      });
+/// Pieces that have no sample or a vertex that is not seen are in none.
+void Renderer::Impl::sort_into_bands() {
+  find_rows();
+  std::fill(band_begin.begin(), band_begin.end(), 0);
+  for (std::size_t t = 0; t < pieces.size(); ++t) {
+    const auto& [a, b, c] = surface.triangles()[t];
+    const RowOfVertex &p = row_of[a], &q = row_of[b], &r = row_of[c];
+    const int top = std::min({p.row, q.row, r.row}), bottom = std::max({p.row, q.row, r.row});
+    Extent& bands = bands_of[t];
+    bands = {std::min({p.band, q.band, r.band}),
+             std::max({p.band_before, q.band_before, r.band_before})};
+    if (top == bottom || bands.last == kUnseen)
+      bands = {};
+    else
+      ++bands.last;
+    for (int band = bands.first; band < bands.last; ++band) ++band_begin[band + 1];
+  }
+  for (std::size_t band = 1; band < band_begin.size(); ++band)
+    band_begin[band] += band_begin[band - 1];
+  in_band.resize(static_cast<std::size_t>(band_begin.back()));
+  for (std::size_t t = 0; t < pieces.size(); ++t)
+    for (int band = bands_of[t].first; band < bands_of[t].last; ++band)
+      in_band[band_begin[band]++] = static_cast<int>(t);
+  // Where each began.
+  std::copy_backward(band_begin.begin(), band_begin.end() - 1, band_begin.end());
+  band_begin.front() = 0;
+}
+
+/// Band by band: pieces first, then pixels.
+template <int kSamples>
+void Renderer::Impl::draw() {
+  if (columns.last <= columns.first) return;
+  sort_into_bands();
+  for (int band = rows.first / kBandHeight; band * kBandHeight < rows.last; ++band) {
+    const int first = band * kBandHeight, last = std::min(first + kBandHeight, rig.height);
+    first_line = first * samples;
+    const int begin = band_begin[band], end = band_begin[band + 1];
+    for (int k = begin; k < end; k += kFloatLanes)
+      draw_pieces(&in_band[k], std::min(kFloatLanes, end - k), {first_line, last * samples});
+    for (int i = std::max(first, rows.first); i < std::min(last, rows.last); ++i)
+      resolve_row<kSamples>(i);
+  }
+}
+
+VertexLanes Renderer::Impl::corners(const std::array<int, kFloatLanes>& pieces_at,
+                                    std::size_t corner) const {
+  std::array<const float*, kFloatLanes> row;
+  for (int k = 0; k < kFloatLanes; ++k)
+    row[k] = vertices[surface.triangles()[pieces_at[k]][corner]].row_of_table();
+  const auto [cosine, projector_row, x, y] = load_columns(row, 4);
+  return {load_columns(row, 0), cosine, projector_row, {x, y}};
+}
+
+/// Up to kFloatLanes of them, which are set up side by side.
+void Renderer::Impl::draw_pieces(const int* t, int count, Extent lines) {
+  std::array<int, kFloatLanes> at_lane;
+  for (int k = 0; k < kFloatLanes; ++k) at_lane[k] = t[std::min(k, count - 1)];
+  const VertexLanes a = corners(at_lane, 0), b = corners(at_lane, 1), c = corners(at_lane, 2);
+  GradientLanes gradient;
+  const IntLanes drawn = gradient.set(a.image, b.image, c.image);
+  const PointLanes depth = gradient.of(a.inverse_depth(), b.inverse_depth(), c.inverse_depth());
+  set_pieces(at_lane, a, b, c, gradient);
+  const FloatLanes at_left = (0.5f - a.image.x) * depth.x;
+  const TriangleSpans spans(a.image, b.image, c.image, lines);
+  for (int k = 0; k < count; ++k) {
+    if (!drawn[k]) continue;
+    depth_range[t[k]] = std::abs(depth.x[k]) + std::abs(depth.y[k]);
+    spans.for_rows(k, sample_columns, [&](const TriangleSpans::Rows& rows) {
+      const FloatLanes below = rows.y - a.image.y[k];
+      draw_rows(t[k], rows, a.inverse_depth()[k] + below * depth.y[k] + at_left[k], depth.x[k]);
+    });
+  }
+}
+
+void Renderer::Impl::set_pieces(const std::array<int, kFloatLanes>& at_lane, const VertexLanes& a,
+                                const VertexLanes& b, const VertexLanes& c,
+                                const GradientLanes& gradient) {
+  const FloatLanes one = FloatLanes{} + 1;
+  const FloatLanes facing =
+      a.lit() & b.lit() & c.lit() ? (gradient.twice_area < 0 ? one : -one) : FloatLanes{};
+  const PointLanes row = gradient.of(a.row, b.row, c.row);
+  const FloatLanes square = row.x * row.x + row.y * row.y;
+  const auto slope = [&](auto ShadowMap::Slope::*axis) {
+    return float_lanes([&](int k) { return slopes[at_lane[k]].*axis; });
+  };
+  std::array<float*, kFloatLanes> to;
+  for (int k = 0; k < kFloatLanes; ++k) to[k] = pieces[at_lane[k]].row();
+  store_columns(to, 0, a.over_depth[0], a.over_depth[1], a.over_depth[2], a.over_depth[3]);
+  store_columns(to, 4, facing * a.cosine, float_lanes([&](int k) { return std::sqrt(square[k]); }),
+                slope(&ShadowMap::Slope::x), slope(&ShadowMap::Slope::y));
+  const auto store_side = [&](std::size_t first, const VertexLanes& v, FloatLanes x, FloatLanes y,
+                              FloatLanes corner) {
+    std::array<FloatLanes, 4> change;
+    for (std::size_t i = 0; i < 4; ++i) change[i] = v.over_depth[i] - a.over_depth[i];
+    store_columns(to, first, change[0], change[1], change[2], change[3]);
+    store_columns(to, first + 4, facing * (v.cosine - a.cosine), x, y, corner);
+  };
+  store_side(8, b, gradient.x1, gradient.y1, a.image.x);
+  store_side(16, c, gradient.x2, gradient.y2, a.image.y);
+}
+
+/// `start` is the inverse depth at column 0, less half a column.
+void Renderer::Impl::draw_rows(int t, const TriangleSpans::Rows& rows, FloatLanes start,
+                               float slope) {
+  float* nearest_here = &inverse_depth[at(rows.first, 0)];
+  int* owner = &piece_at[at(rows.first, 0)];
+  for (int k = 0; k < rows.count; ++k, nearest_here += stride, owner += stride) {
+    const int end = rows.end[k];
+    int first = rows.begin[k];
+    // In packs, as long as most spans: no loop whose length must be guessed. Beyond the end nothing
+    // changes. One at least: nor can be guessed whether a span is empty.
+    do {
+      const IntLanes column = first + int_lanes([](int lane) { return lane; });
+      const FloatLanes before = load_lanes<FloatLanes>(nearest_here + first);
+      const FloatLanes z = start[k] + to_float(column) * slope;
+      const IntLanes seen = (column < end) & (z > before);
+      store_lanes(nearest_here + first, seen ? z : before);
+      const IntLanes owned = load_lanes<IntLanes>(owner + first);
+      store_lanes(owner + first, seen ? IntLanes{} + t : owned);
+      first += kFloatLanes;
+    } while (first < end);
+  }
 }
 
 /// The surface at points on the planes of pieces, which may end a little before.
 Shades Renderer::Impl::shade(const ShadePoints& points, float footprint_samples) const {
-  std::array<Affine, kFloatLanes> by_point;
-  for (int k = 0; k < kFloatLanes; ++k) {
-    const Piece& piece = pieces[points.piece[k]];
-    const BarycentricGradient& g = piece.gradient;
-    const float dx = points.x[k] - piece.x, dy = points.y[k] - piece.y;
-    // Not far beyond the piece: the plane of one seen edge-on is steep.
-    const float beta = std::clamp(g.x1 * dx + g.y1 * dy, -0.5f, 1.5f);
-    const float gamma = std::clamp(g.x2 * dx + g.y2 * dy, -0.5f, 1.5f);
-    by_point[k] = piece.at_corner + beta * piece.along_second + gamma * piece.along_third;
-  }
-  std::array<FloatLanes, 8> by_entry;
-  for (int entry = 0; entry < 8; ++entry)
-    by_entry[entry] = float_lanes([&](int k) { return by_point[k][entry]; });
-  return shine(by_entry, footprint_samples);
+  std::array<const float*, kFloatLanes> row;
+  for (int k = 0; k < kFloatLanes; ++k) row[k] = pieces[points.piece[k]].row();
+  const auto [second_4, second_x, second_y, x] = load_columns(row, 12);
+  const auto [third_4, third_x, third_y, y] = load_columns(row, 20);
+  const FloatLanes dx = points.x - x, dy = points.y - y;
+  // Not far beyond the piece: the plane of one seen edge-on is steep.
+  const FloatLanes lower = FloatLanes{} - 0.5f, upper = FloatLanes{} + 1.5f;
+  const auto clamped = [&](FloatLanes a) { return a < lower ? lower : upper < a ? upper : a; };
+  const FloatLanes beta = clamped(second_x * dx + second_y * dy);
+  const FloatLanes gamma = clamped(third_x * dx + third_y * dy);
+  const auto corner = load_columns(row, 0), second = load_columns(row, 8);
+  const auto third = load_columns(row, 16);
+  const auto [corner_4, footprint, slope_x, slope_y] = load_columns(row, 4);
+  Affine affine;
+  for (std::size_t k = 0; k < 4; ++k) affine[k] = corner[k] + beta * second[k] + gamma * third[k];
+  affine[kCosine] = corner_4 + beta * second_4 + gamma * third_4;
+  affine[kFootprint] = footprint;
+  affine[kSlopeX] = slope_x;
+  affine[kSlopeY] = slope_y;
+  return shine(affine, footprint_samples);
 }
 
 /// Without branches, so that the points are shaded side by side.
-Shades Renderer::Impl::shine(const std::array<FloatLanes, 8>& affine,
-                             float footprint_samples) const {
+Shades Renderer::Impl::shine(const Affine& affine, float footprint_samples) const {
   const FloatLanes none = {};
   const FloatLanes scale = 1 / affine[kDepth];
   FloatLanes column = affine[kColumn] * scale, row = affine[kRow] * scale;
@@ -370,59 +526,87 @@ void Renderer::Impl::write_surface(int i, int j, float depth, float row) {
   if (options.projector_row) frame.projector_row(i, j) = row;
 }
 
+/// The pixels from column j of row i on.
 template <int kSamples>
-void Renderer::Impl::resolve() {
-  if (columns.last <= columns.first) return;
-  for (int i = rows.first; i < rows.last; ++i) resolve_row<kSamples>(i);
-}
-
-/// Nearest and farthest inverse depth in the pixels of row i.
-template <int kSamples>
-void Renderer::Impl::find_depths(int i) {
+PixelLanes Renderer::Impl::look_at_pixels(int i, int j) const {
   const int n = kSamples > 0 ? kSamples : samples;
-  const auto first = static_cast<std::size_t>(columns.first);
-  const int count = columns.last - columns.first;
-  float* most = &nearest[first];
-  float* least = &farthest[first];
-  std::fill_n(most, count, 0.0f);
-  std::fill_n(least, count, std::numeric_limits<float>::infinity());
+  // Sample c of each pixel.
+  const auto samples_of = [&]<class Values>(Values, const auto* line, int c) -> Values {
+    if constexpr (kSamples == 1) return load_lanes<Values>(line);
+    if constexpr (kSamples == 2)
+      return even_and_odd(load_lanes<Values>(line), load_lanes<Values>(line + kFloatLanes))[c];
+    Values values;
+    for (int k = 0; k < kFloatLanes; ++k) values[k] = line[k * n + c];
+    return values;
+  };
+  PixelLanes pixels;
+  pixels.farthest = FloatLanes{} + std::numeric_limits<float>::infinity();
+  pixels.nearest = FloatLanes{};
   for (int r = 0; r < n; ++r) {
-    const float* line = &inverse_depth[at(i * n + r, columns.first * n)];
-    for (int j = 0; j < count; ++j)
-      for (int c = 0; c < n; ++c) {
-        most[j] = std::max(most[j], line[j * n + c]);
-        least[j] = std::min(least[j], line[j * n + c]);
-      }
+    const float* line = &inverse_depth[at(i * n + r, j * n)];
+    for (int c = 0; c < n; ++c) {
+      const FloatLanes depth = samples_of(FloatLanes{}, line, c);
+      pixels.nearest = pixels.nearest < depth ? depth : pixels.nearest;
+      pixels.farthest = depth < pixels.farthest ? depth : pixels.farthest;
+    }
   }
+  pixels.piece = samples_of(IntLanes{}, &piece_at[at(i * n + n / 2, j * n)], n / 2);
+  return pixels;
 }
 
 template <int kSamples>
 void Renderer::Impl::resolve_row(int i) {
   const int n = kSamples > 0 ? kSamples : samples;
-  find_depths<kSamples>(i);
+  erase({i, i + 1}, columns);
   whole.clear();
-  const int* middle = &piece_at[at(i * n + n / 2, n / 2)];
-  for (int j = columns.first; j < columns.last; ++j) {
-    const float near = nearest[static_cast<std::size_t>(j)];
-    const float far = farthest[static_cast<std::size_t>(j)];
-    if (near == 0) continue;  // only background
-    const int t = middle[j * n];
+  for (int j = columns.first; j < columns.last; j += kFloatLanes) {
+    const PixelLanes pixels = look_at_pixels<kSamples>(i, j);
+    const FloatLanes near = pixels.nearest, far = pixels.farthest;
+    const IntLanes piece = pixels.piece;
+    const IntLanes column = j + int_lanes([](int k) { return k; });
+    const IntLanes seen = (near > 0) & (column < columns.last);
+    if (!any_of(seen)) continue;  // only background
     // A jump in depth of more than 1e-3 of it, beyond what the slant explains, is another layer.
     // Without one, one smooth piece of surface fills the pixel.
-    const float smooth = static_cast<float>(n - 1) * depth_range[t] + 1e-3f * near;
-    if (options.filter_stripes && far != 0 && near - far <= smooth)
-      whole.push_back({j, t});
-    else
-      resolve_sampled(i, j);
+    const FloatLanes range = float_lanes([&](int k) { return depth_range[piece[k]]; });
+    const FloatLanes smooth = static_cast<float>(n - 1) * range + 1e-3f * near;
+    const IntLanes filled =
+        options.filter_stripes ? seen & (far > 0) & (near - far <= smooth) : IntLanes{};
+    if (all_of(filled)) {
+      shade_run(i, j, piece);
+      continue;
+    }
+    for (int k = 0; k < kFloatLanes; ++k) {
+      if (filled[k])
+        whole.push_back({column[k], piece[k]});
+      else if (seen[k])
+        resolve_sampled(i, column[k]);
+    }
   }
   shade_whole(i);
-  // For the next frame, while it is in the cache.
+  // For the next band, while it is in the cache.
   for (int r = 0; r < n; ++r)
     std::fill_n(&inverse_depth[at(i * n + r, columns.first * n)],
                 (columns.last - columns.first) * n, 0.0f);
 }
 
-/// One point of shading a pixel, at its centre, for the pixels `whole` of row i.
+/// One point of shading a pixel, at its centre, for kFloatLanes of them beside each other.
+void Renderer::Impl::shade_run(int i, int j, IntLanes piece) {
+  const auto n = static_cast<float>(samples);
+  ShadePoints points;
+  const IntLanes column = j + int_lanes([](int k) { return k; });
+  points.x = to_float(column * samples) + 0.5f * n;
+  points.y += static_cast<float>(i * samples) + 0.5f * n;
+  points.piece = piece;
+  const Shades shades = shade(points, n);
+  const FloatLanes one = FloatLanes{} + 1;
+  store_lanes(&frame.intensity(i, j), one < shades.intensity ? one : shades.intensity);
+  std::fill_n(&frame.silhouette(i, j), kFloatLanes, std::uint8_t{1});
+  store_lanes(&frame.depth(i, j), shades.depth);
+  if (options.projector_row) store_lanes(&frame.projector_row(i, j), shades.row);
+}
+
+/// The same for the pixels `whole` of row i.
 void Renderer::Impl::shade_whole(int i) {
   const auto n = static_cast<float>(samples);
   const std::size_t count = whole.size();
@@ -456,9 +640,10 @@ int Renderer::Impl::piece_at_centre(int i, int j) const {
     if (inverse_depth[sample] == 0) continue;
     const int t = piece_at[sample];
     const auto& [p, q, s] = surface.triangles()[t];
-    const BarycentricGradient& g = pieces[t].gradient;
-    const float dx = x - vertices[p].x, dy = y - vertices[p].y;
-    const float beta = g.x1 * dx + g.y1 * dy, gamma = g.x2 * dx + g.y2 * dy;
+    const auto& [corner, second, third] = pieces[t];
+    const float dx = x - second.corner, dy = y - third.corner;
+    const float beta = second.gradient_x * dx + second.gradient_y * dy;
+    const float gamma = third.gradient_x * dx + third.gradient_y * dy;
     if (!(beta >= 0 && gamma >= 0 && beta + gamma <= 1)) continue;
     const float origin = vertices[p].inverse_depth();
     const float depth = origin + beta * (vertices[q].inverse_depth() - origin) +

@@ -42,34 +42,62 @@ void ShadowMap::draw(const std::vector<Vertex>& vertices,
                      const std::vector<std::array<int, 3>>& triangles, std::vector<Slope>& slopes) {
   place(vertices);
   slopes.assign(triangles.size(), Slope{0, 0});
-  for (std::size_t t = 0; t < triangles.size(); ++t)
-    draw_triangle(vertices[triangles[t][0]], vertices[triangles[t][1]], vertices[triangles[t][2]],
-                  slopes[t]);
+  const int count = static_cast<int>(triangles.size());
+  for (int first = 0; first < count; first += kFloatLanes)
+    draw_triangles(vertices, &triangles[first], std::min(kFloatLanes, count - first),
+                   &slopes[first]);
 }
 
-void ShadowMap::draw_triangle(const Vertex& a, const Vertex& b, const Vertex& c, Slope& slope) {
-  if (a.inverse_depth <= 0 || b.inverse_depth <= 0 || c.inverse_depth <= 0) return;
-  const auto texel = [&](const Vertex& v) {
-    return ImagePoint{(v.x - origin_x_) * scale_, (v.y - origin_y_) * scale_};
+/// Up to kFloatLanes of them, which are set up side by side.
+void ShadowMap::draw_triangles(const std::vector<Vertex>& vertices, const Triangle* triangles,
+                               int count, Slope* slopes) {
+  const auto corner = [&](std::size_t i) {
+    std::array<const float*, kFloatLanes> row;
+    for (int k = 0; k < kFloatLanes; ++k)
+      row[k] = &vertices[triangles[std::min(k, count - 1)][i]].x;
+    return load_columns(row, 0);
   };
-  const ImagePoint pa = texel(a), pb = texel(b), pc = texel(c);
-  BarycentricGradient gradient;
-  if (!gradient.set(pa, pb, pc)) return;
-  const Slope g = gradient.of(a.inverse_depth, b.inverse_depth, c.inverse_depth);
-  const float steepest = kSteepest * bias_ * a.inverse_depth * a.inverse_depth;
-  slope = {std::clamp(g.x, -steepest, steepest), std::clamp(g.y, -steepest, steepest)};
-  for_each_span(pa, pb, pc, columns_, rows_, [&](int row, int begin, int end) {
-    float* line = &inverse_depth_[static_cast<std::size_t>(row) * columns_];
-    const float start =
-        a.inverse_depth + (static_cast<float>(row) + 0.5f - pa.y) * g.y + (0.5f - pa.x) * g.x;
-    // In packs, as long as most spans; beyond the end nothing changes.
-    for (int first = begin; first < end; first += kFloatLanes) {
-      const IntLanes column = first + int_lanes([](int k) { return k; });
+  const std::array<std::array<FloatLanes, 4>, 3> corners{corner(0), corner(1), corner(2)};
+  const auto texel = [&](std::size_t i) {
+    return PointLanes{(corners[i][0] - origin_x_) * scale_, (corners[i][1] - origin_y_) * scale_};
+  };
+  const PointLanes pa = texel(0), pb = texel(1), pc = texel(2);
+  const FloatLanes a = corners[0][2], b = corners[1][2], c = corners[2][2];
+  GradientLanes gradient;
+  const IntLanes drawn = gradient.set(pa, pb, pc) & (a > 0) & (b > 0) & (c > 0);
+  const PointLanes g = gradient.of(a, b, c);
+  const FloatLanes steepest = kSteepest * bias_ * a * a;
+  const auto clamped = [&](FloatLanes s) {
+    return s < -steepest ? -steepest : steepest < s ? steepest : s;
+  };
+  const PointLanes slope{clamped(g.x), clamped(g.y)};
+  const FloatLanes at_left = (0.5f - pa.x) * g.x;
+  const TriangleSpans spans(pa, pb, pc, {0, rows_});
+  for (int k = 0; k < count; ++k) {
+    if (!drawn[k]) continue;
+    slopes[k] = {slope.x[k], slope.y[k]};
+    spans.for_rows(k, columns_, [&](const TriangleSpans::Rows& rows) {
+      draw_rows(rows, a[k] + (rows.y - pa.y[k]) * g.y[k] + at_left[k], g.x[k]);
+    });
+  }
+}
+
+/// `start` is the inverse depth at column 0, less half a column.
+void ShadowMap::draw_rows(const TriangleSpans::Rows& rows, FloatLanes start, float slope) {
+  float* line = &inverse_depth_[static_cast<std::size_t>(rows.first) * columns_];
+  for (int k = 0; k < rows.count; ++k, line += columns_) {
+    const int end = rows.end[k];
+    int first = rows.begin[k];
+    // In packs, as long as most spans; beyond the end nothing changes. One at least: whether a span
+    // is empty cannot be guessed.
+    do {
+      const IntLanes column = first + int_lanes([](int lane) { return lane; });
       const FloatLanes before = load_lanes<FloatLanes>(line + first);
-      const FloatLanes here = start + to_float(column) * g.x;
+      const FloatLanes here = start[k] + to_float(column) * slope;
       store_lanes(line + first, ((column < end) & (before < here)) ? here : before);
-    }
-  });
+      first += kFloatLanes;
+    } while (first < end);
+  }
 }
 
 }  // namespace weft

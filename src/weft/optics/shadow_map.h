@@ -13,9 +13,10 @@ namespace weft {
 /// are kept inverted (1/m), which is affine over the image of a triangle.
 class ShadowMap {
  public:
-  struct Vertex {
+  struct alignas(16) Vertex {
     float x, y;           ///< projector px
     float inverse_depth;  ///< 1/m; 0: not in front of the projector
+    float unused = 0;     ///< four floats are read
   };
   /// Gradient of the inverse depth over a triangle, per texel, along x and y.
   using Slope = ImagePoint;
@@ -39,15 +40,12 @@ class ShadowMap {
     v = inside ? v : none;
     const IntLanes i = to_int(v), j = to_int(u), texel = i * columns_ + j;
     const FloatLanes fx = u - to_float(j), fy = v - to_float(i);
-    const auto nearest = [&](int offset) {
-      const float* map = inverse_depth_.data() + offset;
-      return float_lanes([&](int k) { return map[texel[k]]; });
-    };
+    const auto [upper_left, upper_right] = load_pairs(inverse_depth_.data(), texel);
+    const auto [lower_left, lower_right] = load_pairs(inverse_depth_.data() + columns_, texel);
     const FloatLanes tolerated = inverse_depth + bias_ * inverse_depth * inverse_depth;
     const FloatLanes at = tolerated - fx * slope_x - fy * slope_y;
-    const IntLanes a = nearest(0) <= at, b = nearest(1) <= at + slope_x;
-    const IntLanes c = nearest(columns_) <= at + slope_y;
-    const IntLanes d = nearest(columns_ + 1) <= at + slope_x + slope_y;
+    const IntLanes a = upper_left <= at, b = upper_right <= at + slope_x;
+    const IntLanes c = lower_left <= at + slope_y, d = lower_right <= at + slope_x + slope_y;
     const FloatLanes one = none + 1;
     const FloatLanes top = (1 - fx) * (a ? one : none) + fx * (b ? one : none);
     const FloatLanes bottom = (1 - fx) * (c ? one : none) + fx * (d ? one : none);
@@ -56,7 +54,10 @@ class ShadowMap {
 
  private:
   void place(const std::vector<Vertex>& vertices);
-  void draw_triangle(const Vertex& a, const Vertex& b, const Vertex& c, Slope& slope);
+  using Triangle = std::array<int, 3>;
+  void draw_triangles(const std::vector<Vertex>& vertices, const Triangle* triangles, int count,
+                      Slope* slopes);
+  void draw_rows(const TriangleSpans::Rows& rows, FloatLanes start, float slope);
 
   float requested_scale_, bias_;
   float scale_ = 1;

@@ -30,8 +30,7 @@ class StripeFilter {
     FloatLanes entry = (t - floor_of(t)) * kEntries;
     entry = ((entry >= 0) & (entry <= kEntries)) ? entry : FloatLanes{};  // not finite: anywhere
     const IntLanes place = to_int(entry);
-    const FloatLanes before = float_lanes([&](int k) { return table_.data()[place[k]]; });
-    const FloatLanes after = float_lanes([&](int k) { return table_.data()[place[k] + 1]; });
+    const auto [before, after] = load_pairs(table_.data(), place);
     return before + (entry - to_float(place)) * (after - before);
   }
   float frequency_ = 0;  ///< periods per projector px

@@ -111,12 +111,12 @@ class VisibleTriangles {
   VisibleTriangles(const Rig& rig, const TriangleMesh& mesh)
       : rig_(&rig),
         mesh_(&mesh),
-        inverse_depth_(rig.height, rig.width),
-        id_(rig.height, rig.width) {}
+        // A pack is read beyond the end.
+        inverse_depth_(static_cast<std::size_t>(rig.height) * rig.width + kFloatLanes),
+        id_(inverse_depth_.size()) {}
 
   void update(const Points& x) {
-    inverse_depth_.setZero();
-    id_.setConstant(-1);
+    erase();
     image_.resize(3, x.cols());
     for (Eigen::Index v = 0; v < x.cols(); ++v) image_.col(v) = rig_->camera.project(x.col(v));
     for (int t = 0; t < mesh_->triangle_count(); ++t) draw(t);
@@ -125,14 +125,27 @@ class VisibleTriangles {
   int at(const Vec2& pixel) const {
     const int column = static_cast<int>(std::floor(pixel.x()));
     const int row = static_cast<int>(std::floor(pixel.y()));
-    if (row < 0 || row >= id_.rows() || column < 0 || column >= id_.cols()) return -1;
-    return id_(row, column);
+    if (row < 0 || row >= rig_->height || column < 0 || column >= rig_->width) return -1;
+    return inverse_depth_[index(row, column)] > 0 ? id_[index(row, column)] : -1;
   }
 
   /// Projections of the vertices: x, y in px and depth in m.
   const Points& image() const { return image_; }
 
  private:
+  std::size_t index(int row, int column) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(rig_->width) +
+           static_cast<std::size_t>(column);
+  }
+
+  void erase() {
+    for (int row = rows_.first; row < rows_.last; ++row)
+      std::fill_n(&inverse_depth_[index(row, columns_.first)], columns_.last - columns_.first,
+                  0.0f);
+    rows_ = {rig_->height, 0};
+    columns_ = {rig_->width, 0};
+  }
+
   void draw(int t) {
     const auto& [i, j, k] = mesh_->triangles[static_cast<std::size_t>(t)];
     if (image_(2, i) <= 0 || image_(2, j) <= 0 || image_(2, k) <= 0) return;
@@ -145,23 +158,34 @@ class VisibleTriangles {
     const ImagePoint gradient = barycentric.of(inverse(i), inverse(j), inverse(k));
     const ImagePoint origin = point(i);
     const float inverse_origin = inverse(i);
+    Extent rows = rows_, columns = columns_;
+    float* const nearest = inverse_depth_.data();
+    int* const id = id_.data();
     for_each_span(point(i), point(j), point(k), rig_->width, rig_->height,
                   [&](int row, int begin, int end) {
-                    for (int column = begin; column < end; ++column) {
-                      const float dx = static_cast<float>(column) + 0.5f - origin.x;
-                      const float dy = static_cast<float>(row) + 0.5f - origin.y;
-                      const float value = inverse_origin + gradient.x * dx + gradient.y * dy;
-                      if (value <= inverse_depth_(row, column)) continue;
-                      inverse_depth_(row, column) = value;
-                      id_(row, column) = t;
+                    rows = {std::min(rows.first, row), std::max(rows.last, row + 1)};
+                    columns = {std::min(columns.first, begin), std::max(columns.last, end)};
+                    const float dy = static_cast<float>(row) + 0.5f - origin.y;
+                    for (int first = begin; first < end; first += kFloatLanes) {
+                      const IntLanes column = first + int_lanes([](int lane) { return lane; });
+                      const FloatLanes dx = to_float(column) + 0.5f - origin.x;
+                      const FloatLanes value = inverse_origin + gradient.x * dx + gradient.y * dy;
+                      const std::size_t at = index(row, first);
+                      const FloatLanes before = load_lanes<FloatLanes>(nearest + at);
+                      const IntLanes seen = (column < end) & (value > before);
+                      store_lanes(nearest + at, seen ? value : before);
+                      store_lanes(id + at, seen ? IntLanes{} + t : load_lanes<IntLanes>(id + at));
                     }
                   });
+    rows_ = rows;
+    columns_ = columns;
   }
 
   const Rig* rig_;
   const TriangleMesh* mesh_;
-  Image inverse_depth_;
-  Eigen::Array<int, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> id_;
+  std::vector<float> inverse_depth_;  ///< of rows one after another; 0: nothing
+  std::vector<int> id_;               ///< valid where something is
+  Extent rows_, columns_;             ///< of what is drawn
   Points image_;
 };
 
@@ -232,6 +256,50 @@ std::vector<RimEdge> rim_edges(const TriangleMesh& mesh) {
   return rim;
 }
 
+/// The rim in the image; the edges side by side, so that several are looked at together.
+class RimImage {
+ public:
+  /// `image`: projections of the vertices, in px.
+  void set(const std::vector<RimEdge>& rim, const TriangleMesh& mesh, const Points& image) {
+    const auto count = static_cast<Eigen::Index>(rim.size());
+    from_.resize(count, 2);
+    along_.resize(count, 2);
+    share_.resize(count);
+    distance_.resize(count);
+    for (Eigen::Index e = 0; e < count; ++e) {
+      const RimEdge& edge = rim[static_cast<std::size_t>(e)];
+      const auto& triangle = mesh.triangles[static_cast<std::size_t>(edge.triangle)];
+      const auto corner = [&](std::size_t k) -> Vec2 {
+        return image.col(triangle[static_cast<std::size_t>(edge.corners[k])]).head<2>();
+      };
+      from_.row(e) = corner(0).transpose();
+      along_.row(e) = (corner(1) - corner(0)).transpose();
+    }
+    squared_length_ = along_.col(0).square() + along_.col(1).square();
+  }
+
+  struct Nearest {
+    Eigen::Index edge = -1;  ///< -1: none
+    double share = 0;        ///< of the way along it
+    double squared_distance = kInfinity;
+  };
+  Nearest nearest(const Vec2& pixel) {
+    const auto x = pixel.x() - from_.col(0), y = pixel.y() - from_.col(1);
+    share_ = (x * along_.col(0) + y * along_.col(1)) / squared_length_;
+    share_ = (share_ < 0.0).select(0.0, (share_ > 1.0).select(1.0, share_));
+    distance_ = (from_.col(0) + share_ * along_.col(0) - pixel.x()).square() +
+                (from_.col(1) + share_ * along_.col(1) - pixel.y()).square();
+    Nearest result;
+    for (Eigen::Index e = 0; e < distance_.size(); ++e)
+      if (distance_[e] < result.squared_distance) result = {e, share_[e], distance_[e]};
+    return result;
+  }
+
+ private:
+  Eigen::ArrayX2d from_, along_;
+  Eigen::ArrayXd squared_length_, share_, distance_;
+};
+
 /// Non-rigid registration: a cloth under gravity, pulled to the measured points and the silhouette.
 class SurfaceFitter {
  public:
@@ -256,11 +324,27 @@ class SurfaceFitter {
                        const ContourPoint& target) const;
   bool newton_step(Points& x);
   double energy(const Points& x) const;
-  double residual(const PlaneTerm& term, const Points& x) const;
+  double residual(const PlaneTerm& term, const Points& x) const {
+    const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(term.triangle)];
+    return term.normal.dot(x.col(i)) * term.barycentric(0) +
+           term.normal.dot(x.col(j)) * term.barycentric(1) +
+           term.normal.dot(x.col(k)) * term.barycentric(2) - term.offset;
+  }
   void add_terms(const Points& x);
-  void add_block(int triangle, const Eigen::Matrix<double, 9, 9>& block);
+  /// Where three rows lie together in the Hessian's columns: those of a corner of a triangle in
+  /// the columns of another one.
+  struct PairSlots {
+    std::size_t row, column;  ///< corners; the vertex of `row` has the larger index
+    std::array<int, 3> columns;
+  };
+  /// Of a triangle's lower 9 x 9 block.
+  struct BlockSlots {
+    std::array<std::array<int, 3>, 3> diagonal;  ///< of each corner
+    std::array<PairSlots, 3> pairs;
+  };
+  void add_block(const BlockSlots& slots, const std::array<Vec3, 3>& jacobian, double weight);
   bool inside_silhouette(const Vec2& pixel) const;
-  bool intersect(int triangle, const Points& x, const Vec2& pixel, Vec3& barycentric) const;
+  bool intersect(int triangle, const Points& x, const Vec3& ray, Vec3& barycentric) const;
 
   const StripePoints& points_;
   const Mask& silhouette_;
@@ -274,13 +358,15 @@ class SurfaceFitter {
   VisibleTriangles visible_;
   std::vector<ContourPoint> contour_;
   std::vector<RimEdge> rim_;
+  RimImage rim_image_;
+  Points rays_;  ///< 3 x points: unit directions of their pixels
   std::vector<PlaneTerm> terms_;
-  std::vector<int> first_triangle_;         ///< of each vertex
-  VecX areas_;                              ///< of each vertex, m^2
-  std::vector<std::array<int, 45>> slots_;  ///< of each triangle's lower 9 x 9 block
-  double weight_;                           ///< areal weight, N/m^2
-  double point_area_;                       ///< m^2 that a decoded point stands for
-  double pixel_size_;                       ///< m at the depth of the fixtures
+  std::vector<int> first_triangle_;  ///< of each vertex
+  VecX areas_;                       ///< of each vertex, m^2
+  std::vector<BlockSlots> slots_;    ///< of each triangle
+  double weight_;                    ///< areal weight, N/m^2
+  double point_area_;                ///< m^2 that a decoded point stands for
+  double pixel_size_;                ///< m at the depth of the fixtures
   double damping_ = 1;
   Points gradient_, direction_, trial_;
 };
@@ -316,23 +402,31 @@ SurfaceFitter::SurfaceFitter(const StripePoints& points, const Mask& silhouette,
     }
   }
   find_slots();
+  rays_.resize(3, points.pixel.cols());
+  for (Eigen::Index p = 0; p < rays_.cols(); ++p)
+    rays_.col(p) = rig.camera.ray(points.pixel.col(p));
 }
 
 void SurfaceFitter::find_slots() {
+  const auto slot = [&](int row, int column) {
+    const int* begin = hessian_.innerIndexPtr() + hessian_.outerIndexPtr()[column];
+    const int* end = hessian_.innerIndexPtr() + hessian_.outerIndexPtr()[column + 1];
+    return static_cast<int>(std::lower_bound(begin, end, row) - hessian_.innerIndexPtr());
+  };
   slots_.resize(scene_.mesh.triangles.size());
   for (std::size_t t = 0; t < slots_.size(); ++t) {
-    const auto index = [&](int k) {
-      return 3 * scene_.mesh.triangles[t][static_cast<std::size_t>(k / 3)] + k % 3;
-    };
-    std::size_t entry = 0;
-    for (int j = 0; j < 9; ++j) {
-      for (int i = j; i < 9; ++i) {
-        const int row = std::max(index(i), index(j)), column = std::min(index(i), index(j));
-        const int* begin = hessian_.innerIndexPtr() + hessian_.outerIndexPtr()[column];
-        const int* end = hessian_.innerIndexPtr() + hessian_.outerIndexPtr()[column + 1];
-        slots_[t][entry++] =
-            static_cast<int>(std::lower_bound(begin, end, row) - hessian_.innerIndexPtr());
-      }
+    const auto& vertices = scene_.mesh.triangles[t];
+    for (std::size_t k = 0; k < 3; ++k)
+      for (int axis = 0; axis < 3; ++axis)
+        slots_[t].diagonal[k][static_cast<std::size_t>(axis)] =
+            slot(3 * vertices[k] + axis, 3 * vertices[k] + axis);
+    for (std::size_t k = 0; k < 3; ++k) {
+      PairSlots& pair = slots_[t].pairs[k];
+      pair = {k == 0 ? 1u : 2u, k == 2 ? 1u : 0u, {}};
+      if (vertices[pair.row] < vertices[pair.column]) std::swap(pair.row, pair.column);
+      for (int axis = 0; axis < 3; ++axis)
+        pair.columns[static_cast<std::size_t>(axis)] =
+            slot(3 * vertices[pair.row], 3 * vertices[pair.column] + axis);
     }
   }
 }
@@ -353,10 +447,10 @@ void SurfaceFitter::set_stage(const SheetStage& stage) {
   model_.set_fabric(fabric_);
 }
 
-bool SurfaceFitter::intersect(int triangle, const Points& x, const Vec2& pixel,
+bool SurfaceFitter::intersect(int triangle, const Points& x, const Vec3& ray,
                               Vec3& barycentric) const {
   const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(triangle)];
-  const Vec3 origin = rig_.camera.center(), ray = rig_.camera.ray(pixel);
+  const Vec3 origin = rig_.camera.center();
   const Vec3 e1 = x.col(j) - x.col(i), e2 = x.col(k) - x.col(i);
   const Vec3 p = ray.cross(e2);
   const double determinant = e1.dot(p);
@@ -378,7 +472,7 @@ void SurfaceFitter::associate_points(const Points& x, const SheetStage& stage) {
     if (triangle < 0) continue;
     PlaneTerm term;
     term.triangle = triangle;
-    if (!intersect(triangle, x, points_.pixel.col(p), term.barycentric)) continue;
+    if (!intersect(triangle, x, rays_.col(p), term.barycentric)) continue;
     const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(triangle)];
     term.normal = (normals.col(i) * term.barycentric(0) + normals.col(j) * term.barycentric(1) +
                    normals.col(k) * term.barycentric(2))
@@ -391,30 +485,17 @@ void SurfaceFitter::associate_points(const Points& x, const SheetStage& stage) {
 }
 
 void SurfaceFitter::associate_contour(const Points& x, const SheetStage& stage) {
-  const Points& image = visible_.image();
   const double stiffness = weight_ / stage.give * contour_strip * pixel_size_;
+  rim_image_.set(rim_, scene_.mesh, visible_.image());
   for (const ContourPoint& point : contour_) {
-    double least = kInfinity;
-    const RimEdge* nearest = nullptr;
-    double share = 0;
-    for (const RimEdge& edge : rim_) {
-      const auto& triangle = scene_.mesh.triangles[static_cast<std::size_t>(edge.triangle)];
-      const Vec2 a = image.col(triangle[static_cast<std::size_t>(edge.corners[0])]).head<2>();
-      const Vec2 b = image.col(triangle[static_cast<std::size_t>(edge.corners[1])]).head<2>();
-      const double t = std::clamp((point.pixel - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
-      const double distance = (a + t * (b - a) - point.pixel).squaredNorm();
-      if (distance < least) {
-        least = distance;
-        nearest = &edge;
-        share = t;
-      }
-    }
-    if (!nearest) continue;
+    const auto [edge, share, squared_distance] = rim_image_.nearest(point.pixel);
+    if (edge < 0) continue;
+    const RimEdge& nearest = rim_[static_cast<std::size_t>(edge)];
     Vec3 barycentric = Vec3::Zero();
-    barycentric(nearest->corners[0]) = 1 - share;
-    barycentric(nearest->corners[1]) = share;
-    PlaneTerm term = image_term(x, nearest->triangle, barycentric, point);
-    const double ratio = std::sqrt(least) * pixel_size_ / stage.scale;
+    barycentric(nearest.corners[0]) = 1 - share;
+    barycentric(nearest.corners[1]) = share;
+    PlaneTerm term = image_term(x, nearest.triangle, barycentric, point);
+    const double ratio = std::sqrt(squared_distance) * pixel_size_ / stage.scale;
     term.weight = stiffness / std::pow(1 + ratio * ratio, 2);
     terms_.push_back(term);
   }
@@ -469,13 +550,6 @@ bool SurfaceFitter::inside_silhouette(const Vec2& pixel) const {
          silhouette_(row, column);
 }
 
-double SurfaceFitter::residual(const PlaneTerm& term, const Points& x) const {
-  const auto& [i, j, k] = scene_.mesh.triangles[static_cast<std::size_t>(term.triangle)];
-  return term.normal.dot(x.col(i)) * term.barycentric(0) +
-         term.normal.dot(x.col(j)) * term.barycentric(1) +
-         term.normal.dot(x.col(k)) * term.barycentric(2) - term.offset;
-}
-
 double SurfaceFitter::energy(const Points& x) const {
   double sum = model_.potential(x, {});
   for (const PlaneTerm& term : terms_) {
@@ -485,25 +559,42 @@ double SurfaceFitter::energy(const Points& x) const {
   return sum;
 }
 
-void SurfaceFitter::add_block(int triangle, const Eigen::Matrix<double, 9, 9>& block) {
-  const auto& slots = slots_[static_cast<std::size_t>(triangle)];
-  std::size_t entry = 0;
-  for (int j = 0; j < 9; ++j) {
-    for (int i = j; i < 9; ++i, ++entry) hessian_.valuePtr()[slots[entry]] += block(i, j);
+/// Adds weight j j^T, with j the jacobians of the triangle's corners.
+void SurfaceFitter::add_block(const BlockSlots& slots, const std::array<Vec3, 3>& jacobian,
+                              double weight) {
+  double* values = hessian_.valuePtr();
+  std::array<Vec3, 3> weighted;
+  for (std::size_t k = 0; k < 3; ++k) weighted[k] = weight * jacobian[k];
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto& [first, second, third] = slots.diagonal[k];
+    const Vec3 &w = weighted[k], &j = jacobian[k];
+    Eigen::Map<Vec3>{values + first} += w * j.x();
+    Eigen::Map<Vec2>{values + second} += w.tail<2>() * j.y();
+    values[third] += w.z() * j.z();
+  }
+  for (const PairSlots& pair : slots.pairs) {
+    // Weighted is the later corner, wherever its rows are.
+    const bool later = pair.row > pair.column;
+    const Vec3& rows = later ? weighted[pair.row] : jacobian[pair.row];
+    const Vec3& columns = later ? jacobian[pair.column] : weighted[pair.column];
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      Eigen::Map<Vec3>{values + pair.columns[axis]} +=
+          rows * columns[static_cast<Eigen::Index>(axis)];
   }
 }
 
 void SurfaceFitter::add_terms(const Points& x) {
   for (const PlaneTerm& term : terms_) {
-    const auto& vertices = scene_.mesh.triangles[static_cast<std::size_t>(term.triangle)];
+    const auto triangle = static_cast<std::size_t>(term.triangle);
+    const auto& vertices = scene_.mesh.triangles[triangle];
     const double r = residual(term, x);
-    Eigen::Matrix<double, 9, 1> jacobian;
-    for (int k = 0; k < 3; ++k) {
-      jacobian.segment<3>(3 * k) = term.barycentric(k) * term.normal;
-      gradient_.col(vertices[static_cast<std::size_t>(k)]) +=
-          term.weight * r * term.barycentric(k) * term.normal;
+    std::array<Vec3, 3> jacobian;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double share = term.barycentric(static_cast<Eigen::Index>(k));
+      jacobian[k] = share * term.normal;
+      gradient_.col(vertices[k]) += term.weight * r * share * term.normal;
     }
-    add_block(term.triangle, term.weight * jacobian * jacobian.transpose());
+    add_block(slots_[triangle], jacobian, term.weight);
   }
 }
 
@@ -591,7 +682,7 @@ std::vector<double> SurfaceFitter::distances(const Points& x, Eigen::VectorXi& s
   for (Eigen::Index p = 0; p < points_.pixel.cols(); ++p) {
     const int triangle = visible_.at(points_.pixel.col(p));
     Vec3 barycentric;
-    if (triangle < 0 || !intersect(triangle, x, points_.pixel.col(p), barycentric)) continue;
+    if (triangle < 0 || !intersect(triangle, x, rays_.col(p), barycentric)) continue;
     const auto& vertices = scene_.mesh.triangles[static_cast<std::size_t>(triangle)];
     const Vec3 a = x.col(vertices[0]), b = x.col(vertices[1]), c = x.col(vertices[2]);
     const Vec3 normal = (b - a).cross(c - a).normalized();

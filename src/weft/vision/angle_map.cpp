@@ -97,6 +97,50 @@ double sum_of_products(int height, int width, const RowOfA& row_of_a, const RowO
   return total;
 }
 
+/// Two rows at the same columns.
+struct RowPair {
+  Pack upper, lower;
+};
+
+/// Rows above one another, from some above the one at hand to some below it.
+using Column = const float* const*;
+
+/// Sums of even taps over the rows around rows[0] and around rows[1]: what one of them reads, the
+/// other one reads a step later.
+inline RowPair even_sums(const Taps& taps, Column rows, int x) {
+  Pack before = load(rows[0] + x), after = load(rows[1] + x);
+  RowPair sums{taps[0] * before, taps[0] * after};
+  const int reach = int(taps.size()) - 1;
+  for (int n = 1; n <= reach; ++n) {
+    const float tap = taps[std::size_t(n)];
+    const Pack above = load(rows[-n] + x), below = load(rows[n + 1] + x);
+    sums.upper += tap * (after + above);
+    sums.lower += tap * (below + before);
+    before = above;
+    after = below;
+  }
+  return sums;
+}
+
+/// The same of odd taps.
+inline RowPair odd_sums(const Taps& taps, Column rows, int x) {
+  Pack before = load(rows[0] + x), after = load(rows[1] + x);
+  RowPair sums{Pack::Zero(), Pack::Zero()};
+  const int reach = int(taps.size()) - 1;
+  for (int n = 1; n <= reach; ++n) {
+    const float tap = taps[std::size_t(n)];
+    const Pack above = load(rows[-n] + x), below = load(rows[n + 1] + x);
+    sums.upper += tap * (after - above);
+    sums.lower += tap * (below - before);
+    before = above;
+    after = below;
+  }
+  return sums;
+}
+
+/// Rows that are worked on together: they read nearly the same rows, which are then at hand.
+constexpr int kRowsTogether = 4;
+
 /// The value at `rank` of the sorted `values`, which are not negative; they may be reordered. Bins
 /// first: what is sorted is the few values next to it.
 float ranked(std::vector<float>& values, std::size_t rank) {
@@ -125,22 +169,26 @@ struct AngleMapper::Impl {
 
  private:
   void check(const Image& intensity, const Mask& region) const;
-  void clear_outputs();
+  void clear_outputs(const Box& last);
   void set_inside(const Mask& region);
   void normalise(const Image& intensity);
   void filter_along_x(int y);
+  using Sums = std::array<Pack, 7>;
   void combine(int y);
-  void finish(int y);
+  void combine_pack(const Sums& sums, int row, int y, int x);
+  void blur_along_y(int y);
+  void finish(int row, int y);
   void drop_undefined();
+  int ring_rows() const { return 2 * radius_ + kRowsTogether; }
   float* ring(std::size_t factor, int y) {
-    return filtered_[factor].row((y + 2 * radius_ + 1) % (2 * radius_ + 1));
+    return filtered_[factor].row((y + ring_rows()) % ring_rows());
   }
   int reach() const { return int(blur_.size()) - 1; }
+  int blurred_rows() const { return 2 * reach() + kRowsTogether; }
   float* blurred(std::size_t coefficient, int y) {
-    return blurred_[coefficient].row((y + 2 * reach() + 1) % (2 * reach() + 1));
+    return blurred_[coefficient].row((y + blurred_rows()) % blurred_rows());
   }
-  void blur_along_x(int y);
-  void blur_along_y(int y);
+  void blur_along_x(int row, int y);
   void darken(int y);
 
   const int width_, height_;
@@ -155,11 +203,12 @@ struct AngleMapper::Impl {
   Plane inside_;  ///< 1 inside the region less its rim, else 0
   Plane light_;   ///< less its local mean, over it; 0 outside
   float energy_floor_ = 0;
-  std::array<Plane, 3> row_;      ///< one row of C1, C2, C3
-  std::array<Plane, 3> blurred_;  ///< the last 2 reach + 1 rows of C1, C2, C3 blurred along x
-  std::vector<std::ptrdiff_t> offsets_;  ///< from a row of these to those before and after it
+  std::array<Plane, 3> row_;       ///< kRowsTogether rows of C1, C2, C3, or of the blurred ones
+  std::array<Plane, 3> blurred_;   ///< the last blurred_rows() rows of C1, C2, C3 blurred along x
+  std::array<Plane, 5> filtered_;  ///< the last ring_rows() rows of e, u1, g2, h2, h3 along x
+  /// Rows in one of these rings from the first to the last that a group of rows reads.
+  std::array<std::vector<const float*>, 5> columns_;
   Plane coherence_;
-  std::array<Plane, 5> filtered_;  ///< the last 2 radius + 1 rows of e, u1, g2, h2, h3 along x
   std::vector<float> sample_;
 };
 
@@ -189,11 +238,22 @@ void AngleMapper::Impl::check(const Image& intensity, const Mask& region) const 
   if (region.size() != 0) require(region, "region");
 }
 
-void AngleMapper::Impl::clear_outputs() {
-  if (box_.empty()) return;
-  map_.angle.block(box_.y0, box_.x0, box_.height(), box_.width()).setZero();
-  map_.strength.block(box_.y0, box_.x0, box_.height(), box_.width()).setZero();
-  map_.valid.block(box_.y0, box_.x0, box_.height(), box_.width()).setZero();
+/// What lies in the last box and not in this one, all of which is written.
+void AngleMapper::Impl::clear_outputs(const Box& last) {
+  const auto clear = [&](int y0, int y1, int x0, int x1) {
+    if (y1 <= y0 || x1 <= x0) return;
+    map_.angle.block(y0, x0, y1 - y0, x1 - x0).setZero();
+    map_.strength.block(y0, x0, y1 - y0, x1 - x0).setZero();
+    map_.valid.block(y0, x0, y1 - y0, x1 - x0).setZero();
+  };
+  if (last.empty()) return;
+  if (box_.empty()) return clear(last.y0, last.y1, last.x0, last.x1);
+  const int top = std::clamp(box_.y0, last.y0, last.y1);
+  const int bottom = std::clamp(box_.y1, last.y0, last.y1);
+  clear(last.y0, top, last.x0, last.x1);
+  clear(bottom, last.y1, last.x0, last.x1);
+  clear(top, bottom, last.x0, std::min(last.x1, box_.x0));
+  clear(top, bottom, std::max(last.x0, box_.x1), last.x1);
 }
 
 /// The region less the pixels that touch its outside, which are partly background. The frame's
@@ -286,62 +346,59 @@ void AngleMapper::Impl::filter_along_x(int y) {
   }
 }
 
-/// The factors along y, the coefficients of the oriented energy, and their blur along x.
-///
+/// The factors along y, the coefficients of the oriented energy, and their blur along x, for
+/// kRowsTogether rows from y on.
+void AngleMapper::Impl::combine(int y) {
+  for (std::size_t k = 0; k < 5; ++k) {
+    columns_[k].clear();
+    for (int i = y - radius_; i < y + radius_ + kRowsTogether; ++i)
+      columns_[k].push_back(ring(k, i));
+  }
+  const SteerableBasis& b = basis_;
+  for (int x = 0; x < box_.width(); x += kPack)
+    for (int row = 0; row < kRowsTogether; row += 2) {
+      const auto rows = [&](std::size_t k) { return columns_[k].data() + radius_ + row; };
+      const RowPair ga = even_sums(b.e, rows(2), x), gb = odd_sums(b.u1, rows(1), x);
+      const RowPair gc = even_sums(b.g2, rows(0), x), ha = even_sums(b.e, rows(4), x);
+      const RowPair hb = odd_sums(b.u1, rows(3), x), hc = even_sums(b.h2, rows(1), x);
+      const RowPair hd = odd_sums(b.h3, rows(0), x);
+      combine_pack({ga.upper, gb.upper, gc.upper, ha.upper, hb.upper, hc.upper, hd.upper}, row,
+                   y + row, x);
+      combine_pack({ga.lower, gb.lower, gc.lower, ha.lower, hb.lower, hc.lower, hd.lower}, row + 1,
+                   y + row + 1, x);
+    }
+  for (int row = 0; row < kRowsTogether; ++row)
+    if (y + row < box_.height())
+      blur_along_x(row, y + row);
+    else
+      darken(y + row);
+}
+
 /// As functions of the direction t, G2 = p + q cos 2t + r sin 2t and H2 = a1 cos t + b1 sin t +
 /// a3 cos 3t + b3 sin 3t. Of G2^2 + H2^2, C1 is the mean and C2, C3 the coefficients of cos 2t and
 /// sin 2t. All are divided by C1 and a floor, so that bright, dark, sharp and blurred stripes count
 /// alike in the blur.
-void AngleMapper::Impl::combine(int y) {
+void AngleMapper::Impl::combine_pack(const Sums& sums, int row, int y, int x) {
+  if (y >= box_.height()) return;
   const SteerableBasis& b = basis_;
-  const float* e0 = ring(0, y);
-  const float* u0 = ring(1, y);
-  const float* g0 = ring(2, y);
-  const float* h0 = ring(3, y);
-  const float* t0 = ring(4, y);
-  const float* inside = inside_.row(y);
-  const std::array<float*, 3> out{row_[0].row(0), row_[1].row(0), row_[2].row(0)};
-  std::array<std::ptrdiff_t, 65> after{}, before{};
-  for (int n = 1; n <= radius_; ++n) {
-    after[std::size_t(n)] = ring(0, y + n) - e0;
-    before[std::size_t(n)] = ring(0, y - n) - e0;
-  }
-  for (int x = 0; x < box_.width(); x += kPack) {
-    const Pack e = load(e0 + x), u = load(u0 + x);
-    Pack ga = b.e[0] * load(g0 + x), gb = Pack::Zero(), gc = b.g2[0] * e;
-    Pack ha = b.e[0] * load(t0 + x), hb = Pack::Zero(), hc = b.h2[0] * u, hd = Pack::Zero();
-    for (int n = 1; n <= radius_; ++n) {
-      const auto i = std::size_t(n);
-      const std::ptrdiff_t above = before[i] + x, below = after[i] + x;
-      const Pack e_below = load(e0 + below), e_above = load(e0 + above);
-      const Pack u_below = load(u0 + below), u_above = load(u0 + above);
-      ga += b.e[i] * (load(g0 + below) + load(g0 + above));
-      ha += b.e[i] * (load(t0 + below) + load(t0 + above));
-      gb += b.u1[i] * (u_below - u_above);
-      hb += b.u1[i] * (load(h0 + below) - load(h0 + above));
-      gc += b.g2[i] * (e_below + e_above);
-      hc += b.h2[i] * (u_below + u_above);
-      hd += b.h3[i] * (e_below - e_above);
-    }
-    const Pack p = 0.5f * (ga + gc), q = 0.5f * (ga - gc), r = 2.0f * gb;
-    const Pack a1 = 0.75f * (ha + hc), b1 = 0.75f * (hb + hd);
-    const Pack a3 = 0.25f * ha - 0.75f * hc, b3 = 0.75f * hb - 0.25f * hd;
-    const float gg = b.gain_g * b.gain_g, hh = b.gain_h * b.gain_h;
-    const Pack c1 = gg * (p * p + 0.5f * (q * q + r * r)) +
-                    hh * (0.5f * (a1 * a1 + b1 * b1 + a3 * a3 + b3 * b3));
-    const Pack c2 = gg * (2.0f * p * q) + hh * (0.5f * (a1 * a1 - b1 * b1) + a1 * a3 + b1 * b3);
-    const Pack c3 = gg * (2.0f * p * r) + hh * (a1 * b1 + a1 * b3 - b1 * a3);
-    const Pack weight = load(inside + x) / (c1 + energy_floor_);
-    store(out[0] + x, weight * c1);
-    store(out[1] + x, weight * c2);
-    store(out[2] + x, weight * c3);
-  }
-  blur_along_x(y);
+  const auto& [ga, gb, gc, ha, hb, hc, hd] = sums;
+  const Pack p = 0.5f * (ga + gc), q = 0.5f * (ga - gc), r = 2.0f * gb;
+  const Pack a1 = 0.75f * (ha + hc), b1 = 0.75f * (hb + hd);
+  const Pack a3 = 0.25f * ha - 0.75f * hc, b3 = 0.75f * hb - 0.25f * hd;
+  const float gg = b.gain_g * b.gain_g, hh = b.gain_h * b.gain_h;
+  const Pack c1 =
+      gg * (p * p + 0.5f * (q * q + r * r)) + hh * (0.5f * (a1 * a1 + b1 * b1 + a3 * a3 + b3 * b3));
+  const Pack c2 = gg * (2.0f * p * q) + hh * (0.5f * (a1 * a1 - b1 * b1) + a1 * a3 + b1 * b3);
+  const Pack c3 = gg * (2.0f * p * r) + hh * (a1 * b1 + a1 * b3 - b1 * a3);
+  const Pack weight = load(inside_.row(y) + x) / (c1 + energy_floor_);
+  store(row_[0].row(row) + x, weight * c1);
+  store(row_[1].row(row) + x, weight * c2);
+  store(row_[2].row(row) + x, weight * c3);
 }
 
 /// The three coefficients at a time: a sum waits for its additions, three of them do not.
-void AngleMapper::Impl::blur_along_x(int y) {
-  const float *in1 = row_[0].row(0), *in2 = row_[1].row(0), *in3 = row_[2].row(0);
+void AngleMapper::Impl::blur_along_x(int row, int y) {
+  const float *in1 = row_[0].row(row), *in2 = row_[1].row(row), *in3 = row_[2].row(row);
   for (int x = 0; x < box_.width(); x += kPack) {
     Pack sum1 = blur_[0] * load(in1 + x), sum2 = blur_[0] * load(in2 + x);
     Pack sum3 = blur_[0] * load(in3 + x);
@@ -357,40 +414,32 @@ void AngleMapper::Impl::blur_along_x(int y) {
   }
 }
 
-void AngleMapper::Impl::blur_along_y(int y) {
-  // Offsets in the ring of rows, alike for all three.
-  const float *in1 = blurred(0, y), *in2 = blurred(1, y), *in3 = blurred(2, y);
-  offsets_.clear();
-  for (int n = 1; n <= reach(); ++n) {
-    offsets_.push_back(blurred(0, y - n) - in1);
-    offsets_.push_back(blurred(0, y + n) - in1);
-  }
-  for (int x = 0; x < box_.width(); x += kPack) {
-    Pack sum1 = blur_[0] * load(in1 + x), sum2 = blur_[0] * load(in2 + x);
-    Pack sum3 = blur_[0] * load(in3 + x);
-    for (std::size_t n = 1; n < blur_.size(); ++n) {
-      const float tap = blur_[n];
-      const std::ptrdiff_t before = offsets_[2 * n - 2] + x, after = offsets_[2 * n - 1] + x;
-      sum1 += tap * (load(in1 + after) + load(in1 + before));
-      sum2 += tap * (load(in2 + after) + load(in2 + before));
-      sum3 += tap * (load(in3 + after) + load(in3 + before));
-    }
-    store(row_[0].row(0) + x, sum1);
-    store(row_[1].row(0) + x, sum2);
-    store(row_[2].row(0) + x, sum3);
-  }
-}
-
 /// A row of the blurred coefficients outside the box.
 void AngleMapper::Impl::darken(int y) {
   for (std::size_t k = 0; k < 3; ++k)
     std::fill_n(blurred(k, y), detail::round_up(box_.width()), 0.0f);
 }
 
-/// The blur along y and the angle. C2 and C3 point across the stripes; a quarter turn is a change
-/// of both signs.
-void AngleMapper::Impl::finish(int y) {
-  blur_along_y(y);
+/// Of kRowsTogether rows from y on.
+void AngleMapper::Impl::blur_along_y(int y) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    columns_[k].clear();
+    for (int i = y - reach(); i < y + reach() + kRowsTogether; ++i)
+      columns_[k].push_back(blurred(k, i));
+  }
+  for (int x = 0; x < box_.width(); x += kPack)
+    for (int row = 0; row < kRowsTogether; row += 2)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const RowPair sums = even_sums(blur_, columns_[k].data() + reach() + row, x);
+        store(row_[k].row(row) + x, sums.upper);
+        store(row_[k].row(row + 1) + x, sums.lower);
+      }
+}
+
+/// The angle, from a row of blurred coefficients. C2 and C3 point across the stripes; a quarter
+/// turn is a change of both signs.
+void AngleMapper::Impl::finish(int row, int y) {
+  if (y < 0 || y >= box_.height()) return;
   const float* inside = inside_.row(y);
   float* angle = &map_.angle(box_.y0 + y, box_.x0);
   float* strength = &map_.strength(box_.y0 + y, box_.x0);
@@ -398,8 +447,8 @@ void AngleMapper::Impl::finish(int y) {
   // In packs, and the square root (which the compiler leaves alone) apart from the rest. Eigen's is
   // not rounded correctly.
   for (int x = 0; x < box_.width(); x += kPack) {
-    const Pack c1 = load(row_[0].row(0) + x), c2 = load(row_[1].row(0) + x);
-    const Pack c3 = load(row_[2].row(0) + x), in = load(inside + x);
+    const Pack c1 = load(row_[0].row(row) + x), c2 = load(row_[1].row(row) + x);
+    const Pack c3 = load(row_[2].row(row) + x), in = load(inside + x);
     const Pack square = c2 * c2 + c3 * c3;
     Pack amplitude, half;
     for (int i = 0; i < kPack; ++i) amplitude[i] = std::sqrt(square[i]);
@@ -429,7 +478,10 @@ void AngleMapper::Impl::drop_undefined() {
     }
     sample_.resize(std::size_t(next - sample_.data()));
   }
-  if (sample_.empty()) return;
+  if (sample_.empty()) {
+    map_.valid.block(box_.y0, box_.x0, box_.height(), box_.width()).setZero();
+    return;
+  }
   const float strong = ranked(sample_, std::size_t(0.95 * double(sample_.size() - 1)));
   const float least_strength = std::max(float(options_.energy_threshold) * strong, kLeastStrength);
   const float least_coherence = float(options_.coherence_threshold) * kGratingCoherence;
@@ -444,26 +496,28 @@ void AngleMapper::Impl::drop_undefined() {
 
 const AngleMap& AngleMapper::Impl::compute(const Image& intensity, const Mask& region) {
   check(intensity, region);
-  clear_outputs();
+  const Box last = box_;
   box_ = region.size() == 0 ? Box{0, 0, width_, height_} : detail::bounding_box(region);
+  clear_outputs(last);
   if (box_.empty()) return map_;
-  for (Plane& rows : filtered_) rows.resize_unfilled(2 * radius_ + 1, box_.width(), 0);
-  for (Plane& row : row_) row.resize_unfilled(1, box_.width(), reach());
-  for (Plane& rows : blurred_) rows.resize_unfilled(2 * reach() + 1, box_.width(), 0);
+  for (Plane& rows : filtered_) rows.resize_unfilled(ring_rows(), box_.width(), 0);
+  for (Plane& rows : row_) rows.resize_unfilled(kRowsTogether, box_.width(), reach());
+  for (Plane& rows : blurred_) rows.resize_unfilled(blurred_rows(), box_.width(), 0);
   coherence_.resize_unfilled(box_.height(), box_.width(), 0);
 
   set_inside(region);
   normalise(intensity);
   for (int y = -radius_; y < radius_; ++y) filter_along_x(y);
   for (int y = -reach(); y < 0; ++y) darken(y);
-  for (int y = 0; y < box_.height() + reach(); ++y) {
+  for (int y = 0; y < box_.height() + reach(); y += kRowsTogether) {
     if (y < box_.height()) {
-      filter_along_x(y + radius_);
+      for (int k = 0; k < kRowsTogether; ++k) filter_along_x(y + radius_ + k);
       combine(y);
     } else {
-      darken(y);
+      for (int k = 0; k < kRowsTogether; ++k) darken(y + k);
     }
-    if (y >= reach()) finish(y - reach());
+    blur_along_y(y - reach());
+    for (int k = 0; k < kRowsTogether; ++k) finish(k, y - reach() + k);
   }
   drop_undefined();
   return map_;
@@ -479,7 +533,12 @@ const AngleMap& AngleMapper::compute(const Image& intensity, const Mask& region)
 }
 
 float orientation_difference(float a, float b) {
-  const float d = std::remainder(a - b, kPi);
+  float d = a - b;
+  // One turn, which is exact, is what differences of two orientations need.
+  if (!(std::abs(d) <= kPi))
+    d = std::remainder(d, kPi);
+  else if (std::abs(d) > kPi / 2)
+    d = d > 0 ? d - kPi : d + kPi;
   return d <= -kPi / 2 ? d + kPi : d;
 }
 
