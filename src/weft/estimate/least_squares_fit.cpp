@@ -79,8 +79,8 @@ class LeastSquaresFit {
     }
     if (options.hops.rounds < 0) throw Error("rounds of hops must not be negative");
     if (options.hops.drawn < 1 || options.hops.descents < 1 || options.hops.max_iterations < 1 ||
-        options.hops.steps_before < 1)
-      throw Error("hops need a point, a descent and an iteration at least");
+        options.hops.steps_before < 1 || options.hops.patience < 1)
+      throw Error("hops need a point, a descent, an iteration and a round's patience at least");
     if (!(options.hops.least_gain >= 0))
       throw Error("the least gain of a hop must not be negative");
     if (options.hops.rounds > 0) {
@@ -299,8 +299,12 @@ class LeastSquaresFit {
     stage.frames = 0;
     stage.max_iterations = hops.max_iterations;
     Rng rng(options_.seed, 4);
-    for (int round = 0; round < hops.rounds && !stopped_; ++round) {
-      const QuadraticModel model = model_at_best(stage);
+    QuadraticModel model;
+    VecX about;
+    int fruitless = 0;
+    for (int round = 0; round < hops.rounds && fruitless < hops.patience && !stopped_; ++round) {
+      if (round == 0 || about != result_.scaled) model = model_at_best(stage);
+      about = result_.scaled;
       if (!std::isfinite(model.cost)) return;
       const double before = best_error_;
       std::vector<Contender> candidates;
@@ -310,7 +314,7 @@ class LeastSquaresFit {
       if (stopped_) return;
       keep_best(hops.descents, candidates);
       record_all(stage, "hops", candidates, descend(stage, "hops", candidates));
-      if (!(best_error_ < (1 - hops.least_gain) * before)) return;
+      fruitless = best_error_ < (1 - hops.least_gain) * before ? 0 : fruitless + 1;
     }
   }
 

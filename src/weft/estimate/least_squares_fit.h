@@ -46,7 +46,8 @@ struct HopOptions {
   CurvatureDraw draw;
   int descents = 1;          ///< a round, >= 1
   int max_iterations = 4;    ///< of each, >= 1
-  double least_gain = 1e-3;  ///< of the error: a round that gains less is the last one; >= 0
+  double least_gain = 1e-3;  ///< of the error: a round that gains less is fruitless; >= 0
+  int patience = 2;          ///< so many fruitless rounds in turn are the last ones; >= 1
 };
 
 struct LeastSquaresFitOptions {
