@@ -28,7 +28,7 @@ struct LeastSquaresOptions {
   /// twice what the one before did. > 1. Where the cost is rough a larger one finds the length of
   /// step that pays sooner.
   double raise = 2;
-  double largest_step = 0.3;      ///< of any coordinate, > 0
+  double largest_step = 0.3;  ///< of any coordinate, > 0
 };
 
 enum class LeastSquaresEnd {
