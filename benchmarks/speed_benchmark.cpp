@@ -116,9 +116,8 @@ PartCosts part_costs(const Scene& scene, const Fabric& fabric, double rate) {
   PartCosts out{};
   out.hessian = seconds_of([&] {
     hessian.coeffs().setZero();
-    model.potential_hessian(scene.start, damping, HessianKind::positive_semidefinite, gradient,
-                            hessian);
-    model.add_drag_damping(scene.start, still, rate, hessian);
+    model.step_hessian(scene.start, damping, HessianKind::positive_semidefinite, still, rate,
+                       gradient, hessian);
   });
   for (std::size_t i = 0; i < model.diagonal_slots().size(); ++i)
     hessian.valuePtr()[model.diagonal_slots()[i]] +=

@@ -21,17 +21,10 @@ struct ExportArguments {
 };
 
 nlohmann::ordered_json to_json(const BlenderCloth& cloth) {
-  return {{"mass", cloth.vertex_mass},
-          {"tension_stiffness", cloth.tension_stiffness},
-          {"compression_stiffness", cloth.tension_stiffness},
-          {"shear_stiffness", cloth.shear_stiffness},
-          {"bending_stiffness", cloth.bending_stiffness},
-          {"tension_damping", cloth.tension_damping},
-          {"compression_damping", cloth.tension_damping},
-          {"shear_damping", cloth.shear_damping},
-          {"bending_damping", cloth.bending_damping},
-          {"air_damping", cloth.air_damping},
-          {"gravity", cloth.gravity}};
+  nlohmann::ordered_json settings;
+  for (const auto& [name, value] : settings_of(cloth)) settings[name] = value;
+  settings["gravity"] = cloth.gravity;
+  return settings;
 }
 
 void run_export(ExportArguments arguments) {

@@ -17,24 +17,9 @@ namespace {
 using testing::flat_positions;
 using testing::from_lower;
 using testing::random_points;
+using testing::test_fabric;
 
 constexpr double kSize = 0.02;  // m, the length of a cell
-
-Fabric test_fabric(const std::string& model = "baraff-witkin") {
-  Fabric fabric = Fabric::with_defaults("test", model);
-  fabric.set("stretch_stiffness", 40);
-  fabric.set("shear_stiffness", 25);
-  fabric.set("bend_stiffness", 5e-3);
-  fabric.set("stretch_damping", 0.3);
-  fabric.set("shear_damping", 0.2);
-  fabric.set("bend_damping", 1e-5);
-  fabric.set("drag_linear", 0.4);
-  fabric.set("drag_quadratic", 0.9);
-  fabric.set("drag_degradation", 0.3);
-  fabric.include("twist_stiffness");
-  fabric.set("twist_stiffness", 8e-3);
-  return fabric;
-}
 
 /// The same sheet, but that no line runs along u or v to the last digit: elements without cells.
 TriangleMesh turned(TriangleMesh mesh, double angle = 1e-11) {

@@ -24,29 +24,11 @@ using testing::near;
 using testing::points;
 using testing::potential_of;
 using testing::random_points;
+using testing::test_fabric;
 using testing::vector;
 
 constexpr double kSize = 0.02;  // m, edge of a grid cell in most tests
 const Vec3 kNoGravity = Vec3::Zero();
-
-/// Stiffness and damping of a size that lets every term show.
-Fabric test_fabric() {
-  Fabric fabric = Fabric::with_defaults("test");
-  fabric.set("stretch_stiffness", 40);
-  fabric.set("shear_stiffness", 25);
-  fabric.set("bend_stiffness", 5e-3);
-  fabric.set("stretch_damping", 0.3);
-  fabric.set("shear_damping", 0.2);
-  fabric.set("bend_damping", 1e-5);
-  fabric.set("drag_linear", 0.4);
-  fabric.set("drag_quadratic", 0.9);
-  fabric.set("drag_degradation", 0.3);
-  fabric.include("drag_normal_linear");
-  fabric.set("drag_normal_linear", 0.7);
-  fabric.include("twist_stiffness");
-  fabric.set("twist_stiffness", 8e-3);
-  return fabric;
-}
 
 TriangleMesh small_mesh(GridPattern pattern = GridPattern::alternating) {
   return make_swatch(3 * kSize, 2 * kSize, 4, 3, pattern);

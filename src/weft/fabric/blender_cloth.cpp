@@ -139,11 +139,18 @@ BlenderCloth blender_cloth(const Fabric& fabric, const BlenderClothOptions& opti
   return cloth;
 }
 
+std::vector<std::pair<std::string, double>> settings_of(const BlenderCloth& cloth) {
+  std::vector<std::pair<std::string, double>> settings{{"mass", cloth.vertex_mass}};
+  for (const Setting& setting : kSettings)
+    settings.emplace_back(setting.name, cloth.*setting.value);
+  return settings;
+}
+
 std::string blender_script(const Fabric& fabric, const BlenderCloth& cloth,
                            const BlenderClothOptions& options) {
   std::string settings;
-  for (const Setting& setting : kSettings)
-    settings += fmt::format("    \"{}\": {:.9g},\n", setting.name, cloth.*setting.value);
+  for (const auto& [name, value] : settings_of(cloth))
+    settings += fmt::format("    \"{}\": {:.9g},\n", name, value);
   std::string lost;
   for (const std::string& sentence : cloth.lost) lost += fmt::format("# - {}\n", sentence);
   return fmt::format(
@@ -159,7 +166,6 @@ SPACING = {spacing:.9g}  # m, side of the quads
 FRAME_RATE = {frame_rate:.9g}  # 1/s
 GRAVITY = {gravity:.9g}  # of the scene's, which has to be 9.81 m/s^2
 SETTINGS = {{
-    "mass": {mass:.9g},
 {settings}}}
 
 
@@ -196,8 +202,7 @@ apply(bpy.context.object, bpy.context.scene)
 )py",
       fmt::arg("lost", lost), fmt::arg("name", nlohmann::json(fabric.name).dump()),
       fmt::arg("spacing", options.spacing), fmt::arg("frame_rate", options.frame_rate),
-      fmt::arg("gravity", cloth.gravity), fmt::arg("mass", cloth.vertex_mass),
-      fmt::arg("settings", settings));
+      fmt::arg("gravity", cloth.gravity), fmt::arg("settings", settings));
 }
 
 }  // namespace weft

@@ -1,5 +1,6 @@
 #pragma once
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "weft/fabric/fabric.h"
@@ -54,6 +55,9 @@ struct BlenderCloth {
 /// every direction. Throws Error for a fabric that is not of a motion model and for options out of
 /// range.
 BlenderCloth blender_cloth(const Fabric& fabric, const BlenderClothOptions& options);
+
+/// By their names in Blender's Python, in the order of its panel; without the gravity.
+std::vector<std::pair<std::string, double>> settings_of(const BlenderCloth& cloth);
 
 /// A script of Python that gives these settings to the active object, for Blender 2.91 and later.
 /// It raises an error where the object's quads or the scene's frame rate are others than in

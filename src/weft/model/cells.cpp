@@ -99,24 +99,10 @@ class CellPlacer {
     }
   }
   void place(const std::array<int, 3>& v, bool filling, int lane, CellTriangle& to) const {
-    const TriangleMesh& mesh = parts_.mesh;
     const int t = numbers_.at(sorted(v));
-    const auto shape =
-        triangle_shape(mesh.material.col(v[0]), mesh.material.col(v[1]), mesh.material.col(v[2]));
-    to.shape.du1[lane] = shape.du1;
-    to.shape.du2[lane] = shape.du2;
-    to.shape.dv1[lane] = shape.dv1;
-    to.shape.dv2[lane] = shape.dv2;
-    to.shape.area[lane] = filling ? 0 : shape.area;
-    const Vec2 layers = layers_of(v, shape.area, parts_.hem);
-    to.u_layers[lane] = layers.x();
-    to.v_layers[lane] = layers.y();
+    place_triangle(parts_.mesh, t, v, parts_.shares[at(t)], parts_.hem,
+                   filling ? Filling::weightless : Filling::none, lane, to);
     to.components[at(lane)] = 3 * t;
-    const auto& triangle = mesh.triangles[at(t)];
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto corner = std::ranges::find(triangle, v[i]) - triangle.begin();
-      to.shares[i][lane] = parts_.shares[at(t)][static_cast<std::size_t>(corner)];
-    }
   }
 
   const CellParts& parts_;

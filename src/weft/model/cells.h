@@ -11,8 +11,8 @@
 #include "weft/model/hessian_kind.h"
 #include "weft/model/lane_blocks.h"
 #include "weft/model/membrane.h"
+#include "weft/model/triangle_lanes.h"
 #include "weft/strain/cell_hinges.h"
-#include "weft/strain/triangle_shape.h"
 
 namespace weft::detail {
 
@@ -37,10 +37,7 @@ constexpr std::array<std::array<std::size_t, 3>, 2> cell_corners(bool splits_02)
 }
 
 /// One of the two triangles of each cell.
-struct CellTriangle {
-  TriangleShape<Lanes> shape;
-  std::array<Lanes, 3> shares;  ///< of the vertices in the area
-  Lanes u_layers, v_layers;
+struct CellTriangle : TriangleLanes {
   LaneIndices components;  ///< the first of three
 };
 

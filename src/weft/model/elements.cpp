@@ -30,26 +30,13 @@ void place_vertices(const Vertices& vertices, const BlockPattern& pattern, int l
     group.slots[k][at(lane)] = pattern.slot(vertices[kPairs[k][0]], vertices[kPairs[k][1]]);
 }
 
-void place(const TriangleMesh& mesh, const std::array<int, 3>& triangle,
-           const std::array<double, 3>& shares, const Hem& hem, const BlockPattern& pattern,
-           int lane, TriangleGroup& group) {
-  std::array<int, 3> v = triangle;
+void place(const TriangleMesh& mesh, int triangle, const std::array<double, 3>& shares,
+           const Hem& hem, const BlockPattern& pattern, int lane, TriangleGroup& group) {
+  std::array<int, 3> v = mesh.triangles[at(triangle)];
   std::sort(v.begin(), v.end());
-  for (std::size_t i = 0; i < 3; ++i) {
-    const auto corner = std::ranges::find(triangle, v[i]) - triangle.begin();
-    group.shares[i][lane] = shares[static_cast<std::size_t>(corner)];
-  }
   place_vertices(v, pattern, lane, group);
-  const auto shape =
-      triangle_shape(mesh.material.col(v[0]), mesh.material.col(v[1]), mesh.material.col(v[2]));
-  group.shape.du1[lane] = shape.du1;
-  group.shape.du2[lane] = shape.du2;
-  group.shape.dv1[lane] = shape.dv1;
-  group.shape.dv2[lane] = shape.dv2;
-  group.shape.area[lane] = lane < group.count ? shape.area : 0;
-  const Vec2 layers = layers_of(v, shape.area, hem);
-  group.u_layers[lane] = layers.x();
-  group.v_layers[lane] = layers.y();
+  place_triangle(mesh, triangle, v, shares, hem,
+                 lane < group.count ? Filling::none : Filling::weightless, lane, group);
 }
 
 template <class Element, class Stencil>
@@ -98,11 +85,6 @@ std::array<double, 3> areas_by_component(const TriangleMesh& mesh, const Bending
   return {element.area + share * second.x(), element.area + share * second.y(), element.area};
 }
 
-Vec2 layers_of(const std::array<int, 3>& triangle, double area, const Hem& hem) {
-  const auto [a, b, c] = triangle;
-  return Vec2::Ones() + (hem.area(a, b) + hem.area(a, c) + hem.area(b, c)) / area;
-}
-
 std::vector<BendingGroup> bending_groups(const std::vector<BendingElement>& elements,
                                          const BlockPattern& pattern) {
   return groups<BendingGroup>(
@@ -129,7 +111,7 @@ Elements make_elements(const TriangleMesh& mesh, ElementKinds kinds, const Hem& 
   const auto shares = area_shares(mesh);
   elements.triangles =
       groups<TriangleGroup>(mesh.triangle_count(), [&](int t, int lane, TriangleGroup& group) {
-        place(mesh, mesh.triangles[at(t)], shares[at(t)], hem, pattern, lane, group);
+        place(mesh, t, shares[at(t)], hem, pattern, lane, group);
       });
   elements.diagonal_count = static_cast<int>(diagonals.size());
   elements.diagonals =

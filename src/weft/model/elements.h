@@ -10,19 +10,16 @@
 #include "weft/model/diagonals.h"
 #include "weft/model/hem.h"
 #include "weft/model/hinges.h"
-#include "weft/strain/triangle_shape.h"
+#include "weft/model/triangle_lanes.h"
 
 namespace weft::detail {
 
 /// kLanes triangles. Vertices of each are in ascending order, so that all their blocks lie below
 /// the diagonal. Groups are filled up with copies of the last element that have no weight.
-struct TriangleGroup {
+struct TriangleGroup : TriangleLanes {
   int count;  ///< elements that are not filling
   std::array<std::array<int, kLanes>, 3> vertices;
   std::array<std::array<int, kLanes>, 3> slots;  ///< blocks (1,0), (2,0), (2,1)
-  TriangleShape<Lanes> shape;
-  std::array<Lanes, 3> shares;  ///< of the vertices in the area (grid_cells.h): of the drag
-  Lanes u_layers, v_layers;     ///< of cloth that stretches along u and v: 1, more at a hem
 };
 
 /// kLanes bending elements. `slots` of the blocks (1,0), (2,0), (2,1), (3,0) ...
@@ -77,8 +74,6 @@ std::vector<BendingGroup> bending_groups(const std::vector<BendingElement>& elem
 /// its vertices, each with half of its two edges.
 std::array<double, 3> areas_by_component(const TriangleMesh& mesh, const BendingElement& element,
                                          const Hem& hem);
-/// Of cloth that stretches along u and v in a triangle of that area: 1, more at a hem.
-Vec2 layers_of(const std::array<int, 3>& triangle, double area, const Hem& hem);
 
 /// Throws Error for hinges on a mesh that is no grid.
 Elements make_elements(const TriangleMesh& mesh, ElementKinds kinds, const Hem& hem);
