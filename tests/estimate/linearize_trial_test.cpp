@@ -258,7 +258,7 @@ TEST_F(LinearizeTest, AFitRecoversTheFabric) {
         return true;
       });
   EXPECT_EQ(phases, (std::vector<std::string>{"start", "screening", "starts", "2 frames", "starts",
-                                              "all frames", "starts"}));
+                                              "all frames", "starts", "start"}));
   EXPECT_LT(std::abs(std::log(result.fabric.value("bend_stiffness") / 2e-5)), std::log(1.4));
   EXPECT_LT(std::abs(std::log(result.fabric.value("stretch_stiffness") / 100)), std::log(1.2));
   EXPECT_LE(result.final.error, 1.05 * evaluate(problem(), true_fabric()).error);
@@ -366,7 +366,10 @@ TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
   const FitResult result = run_least_squares_fit(problem(), options);
   EXPECT_LT(result.final.error, alone.final.error);
   EXPECT_EQ(result.final.error, evaluate(problem(), result.fabric).error);
-  EXPECT_EQ(result.history.back().phase, "hops");
+  // Then the middle of the ranges is looked at again, from the starts of the estimate.
+  ASSERT_GT(result.history.size(), 2u);
+  EXPECT_EQ(result.history.rbegin()[1].phase, "hops");
+  EXPECT_EQ(result.history.back().phase, "start");
   EXPECT_GE(result.evaluations,
             alone.evaluations + 2 * (4 + 2));  // a trial step a descent at least
   options.threads = 2;

@@ -18,9 +18,8 @@ constexpr double kLowered = 0.9;
 // Shapes nearer to each other are one, m, mean over the vertices.
 constexpr double kSame = 1e-4;
 constexpr double kOther = 5e-4;  // those that are moved are further apart
-// A search goes on while one of so many steps lowers the error to this part.
+// A search goes on while that lowers the error to this part.
 constexpr double kGained = 0.97;
-constexpr int kFruitless = 2;
 // As many are moved, of those that look most like the first frame.
 constexpr std::size_t kMoved = 3;
 
@@ -49,28 +48,40 @@ class StartSearch {
   /// refine_surfaces() tries ways out from there, and a shape that has settled is another place to
   /// begin than the surface that it settled from.
   void go_on() {
-    for (int fruitless = 0; fruitless < kFruitless;) {
+    for (double before = kInfinity; !found_.empty() && found_.front().error < kGained * before;) {
       const auto next = std::ranges::find(found_, false, &Settled::gone_out_from);
       if (next == found_.end()) return;
       next->gone_out_from = true;
-      const double before = found_.front().error;
+      before = found_.front().error;
       add({next->shape});
-      fruitless = found_.front().error < kGained * before ? 0 : fruitless + 1;
     }
   }
 
-  /// The best `count` of those that hang differently.
-  std::vector<Points> best(std::size_t count) const {
-    std::vector<const Settled*> chosen;
-    for (const Settled& s : found_) {
-      if (chosen.size() == count) break;
-      const bool known = std::ranges::any_of(
-          chosen, [&](const Settled* k) { return mean_distance(k->shape, s.shape) < kOther; });
-      if (!known) chosen.push_back(&s);
-    }
+  /// The best `count` starts of those that hang differently, from each other and from `own`.
+  std::vector<Points> best(std::size_t count, const Settled& own) const {
+    std::vector<const Settled*> known;
+    if (std::isfinite(own.error)) known.push_back(&own);
     std::vector<Points> starts;
-    for (const Settled* s : chosen) starts.push_back(s->start);
+    for (const Settled& s : found_) {
+      if (starts.size() == count) break;
+      if (std::ranges::any_of(
+              known, [&](const Settled* k) { return mean_distance(k->shape, s.shape) < kOther; }))
+        continue;
+      known.push_back(&s);
+      starts.push_back(s.start);
+    }
     return starts;
+  }
+
+  Settled settle(Points start) const {
+    Settled result;
+    Scene scene = trial_.scene;
+    scene.start = start;
+    Trajectory there;
+    result.error = evaluate_scene(trial_, std::move(scene), fabric_, 1, &there, 1).error;
+    if (std::isfinite(result.error)) result.shape = std::move(there.frames.front());
+    result.start = std::move(start);
+    return result;
   }
 
  private:
@@ -84,17 +95,6 @@ class StartSearch {
     for (Settled& s : settled)
       if (std::isfinite(s.error)) found_.push_back(std::move(s));
     keep_distinct();
-  }
-
-  Settled settle(Points start) const {
-    Settled result;
-    Scene scene = trial_.scene;
-    scene.start = start;
-    Trajectory there;
-    result.error = evaluate_scene(trial_, std::move(scene), fabric_, 1, &there, 1).error;
-    if (std::isfinite(result.error)) result.shape = std::move(there.frames.front());
-    result.start = std::move(start);
-    return result;
   }
 
   void keep_distinct() {
@@ -140,7 +140,8 @@ std::shared_ptr<const Trial> with_start_for(std::shared_ptr<const Trial> trial,
   StartSearch search(*trial, fabric, threads);
   search.begin(starts);
   search.go_on();
-  starts = search.best(kMoved);
+  starts = search.best(kMoved, search.settle(trial->scene.start));
+  if (starts.empty()) return trial;
   starts.insert(starts.begin(), trial->scene.start);
   const int fit_frames = std::min(trial->capture.fit_last - trial->first_frame + 1,
                                   frame_count == 0 ? trial->frame_count() : frame_count);
@@ -158,6 +159,23 @@ std::vector<std::shared_ptr<const Trial>> with_starts_for(
     std::vector<std::shared_ptr<const Trial>> trials, const Fabric& fabric, int frame_count,
     int threads) {
   for (auto& trial : trials) trial = with_start_for(trial, fabric, frame_count, threads);
+  return trials;
+}
+
+std::vector<std::shared_ptr<const Trial>> with_settled_starts(
+    std::vector<std::shared_ptr<const Trial>> trials, const Fabric& fabric, int threads) {
+  parallel_for(trials.size(), threads, [&](std::size_t i) {
+    if (trials[i]->other_starts.empty()) return;
+    const Scene& scene = trials[i]->scene;
+    const ClothModel model(scene.mesh, fabric, scene.areal_density, scene.gravity, scene.hem_width);
+    StaticResult settled =
+        solve_static(model, scene.start, scene.fixtures, scene.frame_times.front(),
+                     trials[i]->options.simulation.static_options);
+    if (!settled.converged) return;
+    auto changed = std::make_shared<Trial>(*trials[i]);
+    changed->scene.start = std::move(settled.x);
+    trials[i] = std::move(changed);
+  });
   return trials;
 }
 

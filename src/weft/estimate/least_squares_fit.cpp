@@ -101,6 +101,7 @@ class LeastSquaresFit {
       keep_best(next.survivors, candidates);
       const bool renewed = renew_starts(next, candidates);
       // What the last stage said, it said of other starts.
+      if (renewed || !last) settle_starts(candidates);
       if (renewed && last) run_stage(stages_[k], candidates);
     }
     hop();
@@ -226,13 +227,15 @@ class LeastSquaresFit {
     candidates.erase(end, candidates.end());
   }
 
+  static bool starts_differ(const Problem& problem) {
+    return std::ranges::any_of(problem.trials(),
+                               [](const auto& trial) { return !trial->other_starts.empty(); });
+  }
+
   /// Gives the best candidate the starts that suit its fabric over the frames of `next`, and with
   /// it those that had the same; true if they are others than before.
   bool renew_starts(const FitStage& next, std::vector<Contender>& candidates) {
-    const auto& trials = problem_->trials();
-    const bool choice =
-        std::ranges::any_of(trials, [](const auto& trial) { return !trial->other_starts.empty(); });
-    if (stopped_ || !choice) return false;
+    if (stopped_ || !starts_differ(*problem_)) return false;
     const Contender before = candidates.front();
     auto suited = with_starts_for(before.problem->trials(), problem_->fabric(before.scaled),
                                   next.frames, options_.threads);
@@ -246,6 +249,24 @@ class LeastSquaresFit {
       if (candidate.problem == before.problem) candidate.problem = renewed;
     candidates.push_back(before);
     return true;
+  }
+
+  /// The problem itself where there was nothing to choose from.
+  std::shared_ptr<const Problem> settled(const std::shared_ptr<const Problem>& problem,
+                                         const VecX& scaled) const {
+    if (!starts_differ(*problem)) return problem;
+    return std::make_shared<const Problem>(problem->with_trials(
+        with_settled_starts(problem->trials(), problem->fabric(scaled), options_.threads)));
+  }
+
+  /// Starts of the best candidate, and with it of those that have the same.
+  void settle_starts(std::vector<Contender>& candidates) {
+    if (stopped_) return;
+    const std::shared_ptr<const Problem> before = candidates.front().problem;
+    const auto after = settled(before, candidates.front().scaled);
+    for (Contender& candidate : candidates)
+      if (candidate.problem == before) candidate.problem = after;
+    if (problem_ == before) problem_ = after;
   }
 
   /// In each trial.
@@ -323,7 +344,13 @@ class LeastSquaresFit {
     QuadraticModel model;
     model.cost = kInfinity;
     if (result_.scaled.size() == 0 || !std::isfinite(result_.final.error)) return model;
-    model = linearize(*best_problem_, result_.scaled, linearization_of(stage)).model;
+    // A descent that found no better point has it already.
+    const auto known = std::ranges::find_if(linearized_, [&](const Linearized& l) {
+      return l.problem == best_problem_ && l.scaled == result_.scaled;
+    });
+    model = known != linearized_.end()
+                ? known->model
+                : linearize(*best_problem_, result_.scaled, linearization_of(stage)).model;
     add_priors(result_.scaled, prior_weight_, model);
     return model;
   }
@@ -371,6 +398,12 @@ class LeastSquaresFit {
     }
   }
 
+  /// A point, and the model there, without priors.
+  struct Linearized {
+    std::shared_ptr<const Problem> problem;
+    VecX scaled;
+    QuadraticModel model;
+  };
   /// A point that a descent evaluated.
   struct Tried {
     VecX scaled;
@@ -382,6 +415,7 @@ class LeastSquaresFit {
     VecX end;                  ///< empty if it never ran
     double cost = kInfinity;
     double prior_weight = 0;  ///< by the noise of the first linearization's residuals
+    Linearized last;
   };
 
   double prior_weight_at(const Problem& problem, const VecX& scaled,
@@ -420,9 +454,12 @@ class LeastSquaresFit {
 
   void record_all(const FitStage& stage, const std::string& phase,
                   const std::vector<Contender>& candidates, const std::vector<Descent>& descents) {
-    for (std::size_t i = 0; i < candidates.size(); ++i)
+    linearized_.clear();
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
       for (const Tried& tried : descents[i].tried)
         record(phase, {tried.scaled, candidates[i].problem}, stage.frames, tried.evaluation);
+      if (stage.frames == 0 && descents[i].last.problem) linearized_.push_back(descents[i].last);
+    }
   }
 
   Descent improve(const FitStage& stage, const std::string& phase, const Contender& candidate) {
@@ -439,6 +476,7 @@ class LeastSquaresFit {
         descent.start = found.evaluation;
         descent.prior_weight = prior_weight_at(problem, scaled, options);
       }
+      descent.last = {candidate.problem, scaled, found.model};
       add_priors(scaled, descent.prior_weight, found.model);
       found.model.cost += pull * (scaled - origin).squaredNorm();
       found.model.gradient += 2 * pull * (scaled - origin);
@@ -475,7 +513,7 @@ class LeastSquaresFit {
   }
 
   void conclude() {
-    if (best_problem_ != problem_ && !stopped_) look_at_middle_from_there();
+    if (best_problem_ != screened_ && !stopped_) look_at_middle_from_there();
     result_.compared = best_problem_->trials();
     result_.fabric = problem_->fabric(result_.scaled);
     result_.prior_weight = prior_weight_;
@@ -505,7 +543,8 @@ class LeastSquaresFit {
     if (stopped_) result_.warnings.push_back("stopped before the end: the best so far");
   }
 
-  std::shared_ptr<const Problem> problem_;       // with the starts that were given
+  std::shared_ptr<const Problem> problem_;       // with the starts that were given, or settled
+  std::shared_ptr<const Problem> screened_;      // with those that were given
   std::shared_ptr<const Problem> best_problem_;  // of the best so far
   const LeastSquaresFitOptions& options_;
   std::vector<FitStage> stages_;
@@ -518,6 +557,7 @@ class LeastSquaresFit {
   std::atomic<bool> stopped_ = false;
   double best_error_ = kInfinity;
   double prior_weight_ = 0;
+  std::vector<Linearized> linearized_;  // where the last descents over all frames did so last
   FitResult result_;
 };
 
