@@ -92,6 +92,23 @@ TEST(SparseCholesky, HandlesNarrowStripsAndSeparatedPieces) {
   expect_solves(small, {1, 1, 1, 1});
 }
 
+TEST(SparseCholesky, AnotherSolverOfThePatternHasAFactorOfItsOwn) {
+  const TriangleMesh mesh = make_swatch(0.3, 0.4, 5, 7);
+  const std::vector<char> held(static_cast<std::size_t>(mesh.vertex_count()), 0);
+  const SparseMatrix matrix = random_matrix(mesh, 60), other = random_matrix(mesh, 90);
+  SparseCholesky<double> first(matrix, held, mesh.material);
+  ASSERT_TRUE(first.factorize(matrix));
+  SparseCholesky<double> second = first.another();
+  ASSERT_TRUE(second.factorize(other));
+  const Points b = Points::Random(3, mesh.vertex_count());
+  for (const auto& [solver, of] : {std::pair(&first, &matrix), std::pair(&second, &other)}) {
+    Points x = b;
+    solver->solve(x);
+    const VecX expected = dense_free(*of, held).ldlt().solve(VecX(flat(b)));
+    EXPECT_LT((flat(x) - expected).cwiseAbs().maxCoeff(), 1e-13);
+  }
+}
+
 TEST(SparseCholesky, ReportsAMatrixThatIsNotPositiveDefinite) {
   const TriangleMesh mesh = make_swatch(0.5, 0.5, 7, 7);
   const std::vector<char> held(49, 0);

@@ -87,11 +87,18 @@ void HeavyCloth::hessian(const Points& x, HessianKind kind, Points& gradient,
   gradient.noalias() -= gravity_ * masses_.transpose();
 }
 
-ClippedCloth::ClippedCloth(const HeavyCloth& cloth, std::vector<Clip> clips)
+std::unique_ptr<StaticSystem> system_between_clips(const HeavyCloth& cloth,
+                                                   const std::vector<Clip>& clips) {
+  return std::make_unique<StaticSystem>(
+      cloth, detail::flags_of_held(clip_of_vertices(cloth.mesh(), clips)));
+}
+
+ClippedCloth::ClippedCloth(const HeavyCloth& cloth, std::vector<Clip> clips,
+                           const StaticSystem* like)
     : cloth_(cloth),
       clips_(std::move(clips)),
       clip_of_(clip_of_vertices(cloth.mesh(), clips_)),
-      system_(std::make_unique<StaticSystem>(cloth, detail::flags_of_held(clip_of_))) {}
+      system_(std::make_unique<StaticSystem>(cloth, detail::flags_of_held(clip_of_), like)) {}
 
 ClippedCloth::~ClippedCloth() = default;
 

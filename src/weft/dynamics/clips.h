@@ -81,11 +81,18 @@ struct ClipSensitivities {
   bool inexact = false;
 };
 
+/// For the `like` of cloths with the same mesh, kind of model and clips. Throws Error as
+/// clip_of_vertices().
+std::unique_ptr<StaticSystem> system_between_clips(const HeavyCloth& cloth,
+                                                   const std::vector<Clip>& clips);
+
 /// Cloth between clips, whose matrices are factorized once for an equilibrium and its derivatives.
 /// Keeps a reference to the cloth, which must not change between the calls.
 class ClippedCloth {
  public:
-  ClippedCloth(const HeavyCloth& cloth, std::vector<Clip> clips);
+  /// `like`: null, or as in StaticSystem.
+  ClippedCloth(const HeavyCloth& cloth, std::vector<Clip> clips,
+               const StaticSystem* like = nullptr);
   ~ClippedCloth();
 
   /// As the functions below.

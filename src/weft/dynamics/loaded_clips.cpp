@@ -106,7 +106,7 @@ struct LoadedCloth::Stiffness {
 };
 
 LoadedCloth::LoadedCloth(const HeavyCloth& cloth, std::vector<Clip> clips,
-                         std::vector<std::optional<ClipLoad>> loads)
+                         std::vector<std::optional<ClipLoad>> loads, const StaticSystem* like)
     : cloth_(cloth),
       clips_(std::move(clips)),
       loads_(std::move(loads)),
@@ -117,7 +117,7 @@ LoadedCloth::LoadedCloth(const HeavyCloth& cloth, std::vector<Clip> clips,
     throw Error("loaded clips: none of the clips has a load");
   if (loaded_.size() == clips_.size())
     throw Error("loaded clips: none of the clips is held; at least one must be");
-  system_ = std::make_unique<StaticSystem>(cloth, detail::flags_of_held(clip_of_));
+  system_ = std::make_unique<StaticSystem>(cloth, detail::flags_of_held(clip_of_), like);
 }
 
 LoadedCloth::~LoadedCloth() = default;

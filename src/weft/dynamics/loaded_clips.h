@@ -70,10 +70,11 @@ struct LoadedPoseSensitivities {
 /// Keeps a reference to the cloth, which must not change between the calls.
 class LoadedCloth {
  public:
-  /// `loads`: one a clip; none for a clip that is held where `clips` has it. Throws Error as
+  /// `loads`: one a clip; none for a clip that is held where `clips` has it. `like`: null, or as in
+  /// StaticSystem. Throws Error as
   /// clip_of_vertices(), and where no clip is held, or none is loaded.
   LoadedCloth(const HeavyCloth& cloth, std::vector<Clip> clips,
-              std::vector<std::optional<ClipLoad>> loads);
+              std::vector<std::optional<ClipLoad>> loads, const StaticSystem* like = nullptr);
   ~LoadedCloth();
 
   /// Where the loaded clips are in `x`, 3 x vertices; held ones stay.

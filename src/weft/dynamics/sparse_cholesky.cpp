@@ -129,13 +129,30 @@ std::vector<std::vector<int>> vertex_neighbours(const SparseMatrix& pattern,
 }  // namespace
 
 template <class Scalar>
-struct SparseCholesky<Scalar>::Impl {
+struct SparseCholesky<Scalar>::Structure {
   static constexpr int kSpare = dense::kTileRows<Scalar> - 1;
 
   std::vector<char> held;
   std::vector<Node> nodes;
   std::vector<int> order;  // vertices in the order of elimination
   std::vector<Entry> entries;
+  std::size_t panel_size = 0;           // of all
+  std::size_t update_size[2] = {0, 0};  // of the stacks
+  std::size_t largest = 0;              // front of a node
+
+  Structure(const SparseMatrix& pattern, std::vector<char> held_vertices,
+            const MaterialPoints& material);
+  void find_rows(const std::vector<std::vector<int>>& neighbours);
+  void place_nodes();
+  void place_entries(const SparseMatrix& pattern);
+};
+
+template <class Scalar>
+struct SparseCholesky<Scalar>::Impl {
+  static constexpr int kSpare = Structure::kSpare;
+
+  std::shared_ptr<const Structure> structure;
+  const std::vector<Node>& nodes;
   std::vector<Scalar> panels;      // node after node
   std::vector<Scalar> updates[2];  // stacks, of nodes at even and odd depth
   std::vector<Scalar> inverse_diagonal;
@@ -143,10 +160,7 @@ struct SparseCholesky<Scalar>::Impl {
   mutable std::vector<Scalar> work;     // those of one node
   mutable std::vector<Scalar> ordered_rows, work_rows;  // the same for kDirections of them
 
-  void analyse(const SparseMatrix& pattern, const MaterialPoints& material);
-  void find_rows(const std::vector<std::vector<int>>& neighbours);
-  void place_entries(const SparseMatrix& pattern);
-  void allocate();
+  explicit Impl(std::shared_ptr<const Structure> shared);
   void gather(const Node& node, const double* values);
   void add_update(const Node& child, const Node& node, int begin, int end);
   bool eliminate(const Node& node);
@@ -161,8 +175,10 @@ struct SparseCholesky<Scalar>::Impl {
 };
 
 template <class Scalar>
-void SparseCholesky<Scalar>::Impl::analyse(const SparseMatrix& pattern,
-                                           const MaterialPoints& material) {
+SparseCholesky<Scalar>::Structure::Structure(const SparseMatrix& pattern,
+                                             std::vector<char> held_vertices,
+                                             const MaterialPoints& material)
+    : held(std::move(held_vertices)) {
   const auto neighbours = vertex_neighbours(pattern, held);
   std::vector<int> free;
   for (int i = 0; i < static_cast<int>(held.size()); ++i) {
@@ -170,12 +186,12 @@ void SparseCholesky<Scalar>::Impl::analyse(const SparseMatrix& pattern,
   }
   nodes = Dissection(neighbours, material).split(std::move(free));
   find_rows(neighbours);
-  allocate();
+  place_nodes();
   place_entries(pattern);
 }
 
 template <class Scalar>
-void SparseCholesky<Scalar>::Impl::find_rows(const std::vector<std::vector<int>>& neighbours) {
+void SparseCholesky<Scalar>::Structure::find_rows(const std::vector<std::vector<int>>& neighbours) {
   std::vector<int> rank(held.size(), -1);
   for (Node& node : nodes) {
     node.first = static_cast<int>(order.size());
@@ -225,11 +241,8 @@ void SparseCholesky<Scalar>::Impl::find_rows(const std::vector<std::vector<int>>
 }
 
 template <class Scalar>
-void SparseCholesky<Scalar>::Impl::allocate() {
-  std::size_t panel_size = 0;
+void SparseCholesky<Scalar>::Structure::place_nodes() {
   std::size_t used[2] = {0, 0};
-  std::size_t limit[2] = {0, 0};
-  std::size_t largest = 0;
   for (Node& node : nodes) {
     node.panel = panel_size;
     node.panel_ld = static_cast<std::size_t>(node.front_size() + kSpare);
@@ -243,18 +256,14 @@ void SparseCholesky<Scalar>::Impl::allocate() {
     node.update = top;
     node.update_ld = static_cast<std::size_t>(node.row_size() + kSpare);
     top += node.update_ld * static_cast<std::size_t>(node.row_size());
-    limit[node.depth % 2] = std::max(limit[node.depth % 2], top);
+    std::size_t& size = update_size[node.depth % 2];
+    size = std::max(size, top);
     largest = std::max(largest, static_cast<std::size_t>(node.front_size()));
   }
-  panels.assign(panel_size + kSpare, Scalar(0));
-  for (int i : {0, 1}) updates[i].assign(limit[i] + kSpare, Scalar(0));
-  inverse_diagonal.resize(3 * order.size());
-  ordered.resize(3 * order.size());
-  work.assign(largest + kSpare, Scalar(0));
 }
 
 template <class Scalar>
-void SparseCholesky<Scalar>::Impl::place_entries(const SparseMatrix& pattern) {
+void SparseCholesky<Scalar>::Structure::place_entries(const SparseMatrix& pattern) {
   std::vector<int> rank(held.size(), -1);
   std::vector<int> node_of(order.size());
   for (std::size_t k = 0; k < order.size(); ++k) {
@@ -302,13 +311,23 @@ void SparseCholesky<Scalar>::Impl::place_entries(const SparseMatrix& pattern) {
   }
 }
 
+template <class Scalar>
+SparseCholesky<Scalar>::Impl::Impl(std::shared_ptr<const Structure> shared)
+    : structure(std::move(shared)), nodes(structure->nodes) {
+  panels.assign(structure->panel_size + kSpare, Scalar(0));
+  for (int i : {0, 1}) updates[i].assign(structure->update_size[i] + kSpare, Scalar(0));
+  inverse_diagonal.resize(3 * structure->order.size());
+  ordered.resize(3 * structure->order.size());
+  work.assign(structure->largest + kSpare, Scalar(0));
+}
+
 /// The node's columns of the matrix and of what its children left.
 template <class Scalar>
 void SparseCholesky<Scalar>::Impl::gather(const Node& node, const double* values) {
   Scalar* to = panel(node);
   std::fill_n(to, node.panel_ld * static_cast<std::size_t>(node.pivot_size()), Scalar(0));
   for (std::size_t e = node.entries_begin; e < node.entries_end; ++e) {
-    const Entry& entry = entries[e];
+    const Entry& entry = structure->entries[e];
     for (int i = 0; i < entry.count; ++i) {
       to[entry.place + i * entry.stride] += static_cast<Scalar>(values[entry.value + i]);
     }
@@ -394,16 +413,20 @@ void SparseCholesky<Scalar>::Impl::backward(const Node& node) const {
 template <class Scalar>
 SparseCholesky<Scalar>::SparseCholesky(const SparseMatrix& pattern, const std::vector<char>& held,
                                        const MaterialPoints& material)
-    : impl_(new Impl) {
-  impl_->held = held;
-  impl_->analyse(pattern, material);
-}
+    : impl_(new Impl(std::make_shared<const Structure>(pattern, held, material))) {}
+template <class Scalar>
+SparseCholesky<Scalar>::SparseCholesky(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 template <class Scalar>
 SparseCholesky<Scalar>::~SparseCholesky() = default;
 template <class Scalar>
 SparseCholesky<Scalar>::SparseCholesky(SparseCholesky&&) noexcept = default;
 template <class Scalar>
 SparseCholesky<Scalar>& SparseCholesky<Scalar>::operator=(SparseCholesky&&) noexcept = default;
+
+template <class Scalar>
+SparseCholesky<Scalar> SparseCholesky<Scalar>::another() const {
+  return SparseCholesky(std::make_unique<Impl>(impl_->structure));
+}
 
 template <class Scalar>
 bool SparseCholesky<Scalar>::factorize(const SparseMatrix& matrix) {
@@ -418,16 +441,17 @@ template <class Scalar>
 void SparseCholesky<Scalar>::solve(Points& b) const {
   const Impl& s = *impl_;
   Scalar* ordered = s.ordered.data();
-  for (std::size_t k = 0; k < s.order.size(); ++k) {
-    for (int i = 0; i < 3; ++i) ordered[3 * k + i] = static_cast<Scalar>(b(i, s.order[k]));
+  for (std::size_t k = 0; k < s.structure->order.size(); ++k) {
+    for (int i = 0; i < 3; ++i)
+      ordered[3 * k + i] = static_cast<Scalar>(b(i, s.structure->order[k]));
   }
   for (const Node& node : s.nodes) s.forward(node);
   for (auto node = s.nodes.rbegin(); node != s.nodes.rend(); ++node) s.backward(*node);
   for (Eigen::Index i = 0; i < b.cols(); ++i) {
-    if (s.held[static_cast<std::size_t>(i)]) b.col(i).setZero();
+    if (s.structure->held[static_cast<std::size_t>(i)]) b.col(i).setZero();
   }
-  for (std::size_t k = 0; k < s.order.size(); ++k) {
-    for (int i = 0; i < 3; ++i) b(i, s.order[k]) = ordered[3 * k + i];
+  for (std::size_t k = 0; k < s.structure->order.size(); ++k) {
+    for (int i = 0; i < 3; ++i) b(i, s.structure->order[k]) = ordered[3 * k + i];
   }
 }
 
@@ -469,18 +493,18 @@ template <class Scalar>
 void SparseCholesky<Scalar>::solve(Directions& b) const {
   const Impl& s = *impl_;
   constexpr std::size_t kBlock = 3 * kDirections;  // of a vertex
-  s.ordered_rows.resize(kBlock * s.order.size());
+  s.ordered_rows.resize(kBlock * s.structure->order.size());
   s.work_rows.resize(s.work.size() * kDirections);
   Scalar* ordered = s.ordered_rows.data();
-  for (std::size_t k = 0; k < s.order.size(); ++k) {
-    const double* from = b.data() + kBlock * static_cast<std::size_t>(s.order[k]);
+  for (std::size_t k = 0; k < s.structure->order.size(); ++k) {
+    const double* from = b.data() + kBlock * static_cast<std::size_t>(s.structure->order[k]);
     for (std::size_t i = 0; i < kBlock; ++i) ordered[kBlock * k + i] = static_cast<Scalar>(from[i]);
   }
   for (const Node& node : s.nodes) s.forward_rows(node);
   for (auto node = s.nodes.rbegin(); node != s.nodes.rend(); ++node) s.backward_rows(*node);
   b.setZero();  // where vertices are held
-  for (std::size_t k = 0; k < s.order.size(); ++k) {
-    double* to = b.data() + kBlock * static_cast<std::size_t>(s.order[k]);
+  for (std::size_t k = 0; k < s.structure->order.size(); ++k) {
+    double* to = b.data() + kBlock * static_cast<std::size_t>(s.structure->order[k]);
     for (std::size_t i = 0; i < kBlock; ++i) to[i] = ordered[kBlock * k + i];
   }
 }

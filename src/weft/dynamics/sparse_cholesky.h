@@ -19,6 +19,9 @@ class SparseCholesky {
   /// `held`: n flags; `material`: 2 x n, m, where the vertices lie, for the order of elimination.
   SparseCholesky(const SparseMatrix& pattern, const std::vector<char>& held,
                  const MaterialPoints& material);
+  /// For other matrices of the same pattern with the same vertices held: what was found about them
+  /// is shared, the factor is not. Takes a hundredth of the time.
+  SparseCholesky another() const;
   ~SparseCholesky();
   SparseCholesky(SparseCholesky&&) noexcept;
   SparseCholesky& operator=(SparseCholesky&&) noexcept;
@@ -32,7 +35,9 @@ class SparseCholesky {
   void solve(Directions& b) const;
 
  private:
+  struct Structure;
   struct Impl;
+  explicit SparseCholesky(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

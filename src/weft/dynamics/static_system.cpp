@@ -26,10 +26,14 @@ constexpr double kStillServes = 0.2;  // of the forces before, that a former fac
 
 }  // namespace
 
-StaticSystem::StaticSystem(const StaticPotential& potential, std::vector<char> held)
+StaticSystem::StaticSystem(const StaticPotential& potential, std::vector<char> held,
+                           const StaticSystem* like)
     : model_(potential),
       held_(std::move(held)),
-      cholesky_(potential.hessian_pattern(), held_, potential.mesh().material),
+      cholesky_(like && like->held_ == held_
+                    ? like->cholesky_.another()
+                    : SparseCholesky<double>(potential.hessian_pattern(), held_,
+                                             potential.mesh().material)),
       hessian_(potential.hessian_pattern()),
       diagonal_(diagonal_slots(hessian_)),
       exact_pause_(kLongestPause) {}

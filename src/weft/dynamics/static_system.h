@@ -13,8 +13,10 @@ namespace weft {
 /// potential, which must not change between the calls.
 class StaticSystem {
  public:
-  /// `held`: a flag a vertex.
-  StaticSystem(const StaticPotential& potential, std::vector<char> held);
+  /// `held`: a flag a vertex. `like`: null, or a system of a potential with the same pattern; where
+  /// the same vertices are held there, the order of elimination is taken from it.
+  StaticSystem(const StaticPotential& potential, std::vector<char> held,
+               const StaticSystem* like = nullptr);
 
   const std::vector<char>& held() const { return held_; }
   /// As solve_static() in static_potential.h.

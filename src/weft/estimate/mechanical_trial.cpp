@@ -7,6 +7,7 @@
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/dynamics/static_system.h"
 #include "weft/estimate/computed_overhang.h"
 #include "weft/mesh/grid_lines.h"
 
@@ -213,7 +214,22 @@ FrameStart start_of(const MechanicalTrial& trial, int frame, const MechanicalFra
 struct StageModel {
   std::unique_ptr<ElasticModel> model;
   VecX first_history;  ///< of friction, before the first frame
+  std::unique_ptr<HeavyCloth> cloth;
+  std::unique_ptr<StaticSystem> system;  ///< of its first frame; null without clips
 };
+
+StageModel stage_model(const MechanicalTrial& trial, const MechanicalStage& stage,
+                       const Fabric& fabric) {
+  const MechanicalCapture& capture = trial.capture;
+  StageModel result;
+  result.model = make_elastic_model(stage.mesh, fabric, capture.grain_angle);
+  result.first_history = result.model->history();
+  if (capture.picture_frame || stage.frames.empty()) return result;
+  result.cloth =
+      std::make_unique<HeavyCloth>(*result.model, capture.areal_density, capture.gravity);
+  result.system = system_between_clips(*result.cloth, capture.clips(stage.frames.front()));
+  return result;
+}
 
 /// Of the stages of each trial.
 std::vector<std::vector<StageModel>> stage_models(
@@ -221,11 +237,8 @@ std::vector<std::vector<StageModel>> stage_models(
     int threads) {
   std::vector<std::vector<StageModel>> models(trials.size());
   parallel_for(trials.size(), threads, [&](std::size_t t) {
-    for (const MechanicalStage& stage : trials[t]->stages) {
-      auto model = make_elastic_model(stage.mesh, fabric, trials[t]->capture.grain_angle);
-      VecX history = model->history();
-      models[t].push_back({std::move(model), std::move(history)});
-    }
+    for (const MechanicalStage& stage : trials[t]->stages)
+      models[t].push_back(stage_model(*trials[t], stage, fabric));
   });
   return models;
 }
@@ -284,10 +297,10 @@ void take(const ClipEquilibrium& found, MechanicalFrame& result) {
 }
 
 /// With all clips held. Returns the shape's derivative by the parameters, where it is asked for.
-MatX solve_held(const HeavyCloth& cloth, const MatX& history_derivative, FrameStart start,
+MatX solve_held(const StageModel& stage, const MatX& history_derivative, FrameStart start,
                 const StaticOptions& statics, MechanicalDerivatives derivatives,
                 MechanicalFrame& result) {
-  ClippedCloth clipped(cloth, result.clips);
+  ClippedCloth clipped(*stage.cloth, result.clips, stage.system.get());
   ClipEquilibrium found = clipped.solve(std::move(start.x), statics);
   take(found, result);
   result.x = std::move(found.x);
@@ -301,10 +314,10 @@ MatX solve_held(const HeavyCloth& cloth, const MatX& history_derivative, FrameSt
 }
 
 /// The same with loaded clips.
-MatX solve_loaded(const HeavyCloth& cloth, std::vector<std::optional<ClipLoad>> loads,
+MatX solve_loaded(const StageModel& stage, std::vector<std::optional<ClipLoad>> loads,
                   const MatX& history_derivative, FrameStart start, const StaticOptions& statics,
                   MechanicalDerivatives derivatives, MechanicalFrame& result) {
-  LoadedCloth loaded(cloth, result.clips, std::move(loads));
+  LoadedCloth loaded(*stage.cloth, result.clips, std::move(loads), stage.system.get());
   const std::vector<Clip> from =
       start.clips.empty() ? loaded.clips_of_shape(start.x) : std::move(start.clips);
   const LoadedEquilibrium found = loaded.solve(std::move(start.x), from, statics);
@@ -333,26 +346,26 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
   const int stage_index = trial.stage_of_frame[at(frame)];
   const MechanicalStage& stage = trial.stages[at(stage_index)];
   const MechanicalCapture& capture = trial.capture;
-  const auto& [model, first_history] = models[at(stage_index)];
+  const StageModel& of_stage = models[at(stage_index)];
+  const auto& model = of_stage.model;
   const bool remembers = model->history_size() > 0;
-  if (history.stage != stage_index) history = {stage_index, first_history, {}};
+  if (history.stage != stage_index) history = {stage_index, of_stage.first_history, {}};
   if (remembers) model->set_history(history.values);
   if (capture.picture_frame) {
     MechanicalFrame result = sheared_frame(trial, frame, *model, derivatives, history);
     if (remembers) history.values = model->next_history(result.x);
     return result;
   }
-  const HeavyCloth cloth(*model, capture.areal_density, capture.gravity);
   StaticOptions statics = trial.options.statics;
   statics.start = start.kind;
   MechanicalFrame result;
   result.frame = frame;
   result.clips = capture.clips(frame);
-  const MatX by_parameters =
-      capture.has_loaded()
-          ? solve_loaded(cloth, capture.loads(frame), history.derivative, std::move(start), statics,
-                         derivatives, result)
-          : solve_held(cloth, history.derivative, std::move(start), statics, derivatives, result);
+  const MatX by_parameters = capture.has_loaded()
+                                 ? solve_loaded(of_stage, capture.loads(frame), history.derivative,
+                                                std::move(start), statics, derivatives, result)
+                                 : solve_held(of_stage, history.derivative, std::move(start),
+                                              statics, derivatives, result);
   if (trial.geometry) {
     const VecX points = stage.points * flat(result.x);
     result.points = Points::Map(points.data(), 3, points.size() / 3);
