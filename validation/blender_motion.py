@@ -1,12 +1,16 @@
 """How far from the true surfaces of a capture Blender's cloth moves with what `weft export --to blender` writes.
 
-    blender -b --python validation/blender_motion.py -- WEFT OUT CAPTURE FABRIC ...
+    blender -b --python validation/blender_motion.py -- WEFT OUT CAPTURE FABRIC ... [--steps N]
 
-WEFT is the program, OUT a folder for the scripts and table.csv, CAPTURE a video capture with truth (of a square swatch
-held by its two upper corners), FABRIC a preset or a file, or "-" for the settings that Blender begins with. The swatch
-hangs in the true shape of frame 0 until it is still, then its corners follow the capture's. Distances are between the
-surfaces at the same (u, v), mean over the vertices, mm: of frame 0, and mean over the fit frames and the later ones.
+WEFT is the program, OUT a folder for scripts and tables, CAPTURE a video capture with truth (of a square swatch held by
+its two upper corners), FABRIC a preset or a file, or "blender" for the settings that Blender begins with, N steps of its
+solver in a frame of the video (64). The swatch hangs in the true shape of frame 0 until it is still, then its corners
+follow the capture's. Distances are between the surfaces at the same (u, v), mean over the vertices, mm: of frame 0, and
+mean over the fit frames and the later ones (OUT/CAPTURE.csv); and of each frame, m, as `weft evaluate --json` has them
+(OUT/CAPTURE_FABRIC.json, for weft_validate_distance).
 """
+import argparse
+import json
 import os
 import struct
 import subprocess
@@ -19,10 +23,8 @@ from mathutils import Matrix, Vector
 
 # Blender's frames are shorter than the video's: corners go straight on from one to the next.
 PARTS = 4  # of a frame of the video
-SETTLING = 45 * PARTS  # before frame 0
-SETTLING_STEPS = 2  # in each part
-STEPS = 16  # in each part after frame 0
-THICK_AIR = 2.5  # 1/s, rate at which speed decays while the swatch settles
+SETTLING = 30 * PARTS  # before frame 0
+THICK_AIR = 5  # 1/s, rate at which speed decays while the swatch settles
 
 
 def read_points(path):
@@ -51,6 +53,8 @@ class Capture:
         self.fit_frames = values["video"]["fit_frames"][1] + 1
         self.density = values["swatch"]["areal_density"]
         self.shown = read_points(os.path.join(folder, values["truth"]["points"]))
+        if self.fit_frames >= len(self.shown):
+            sys.exit(f"blender_motion: {self.name}: no frame after the fit frames")
         self.side = round(self.shown.shape[1] ** 0.5)  # vertices
         self.spacing = values["swatch"]["width"] / (self.side - 1)
         paths = np.loadtxt(os.path.join(folder, values["fixture"][0]["motion"]), delimiter=",", skiprows=1)
@@ -97,7 +101,7 @@ def hold(scene, swatch, name, vertex, path):
     hook.matrix_inverse = Matrix.Translation(Vector(path[0])).inverted()
 
 
-def hanging_swatch(scene, capture, paths):
+def hanging_swatch(scene, capture, paths, steps):
     """In the true shape of frame 0, at rest flat."""
     n = capture.side
     start = vertices_of(capture.shown[0], n)
@@ -117,31 +121,29 @@ def hanging_swatch(scene, capture, paths):
     modifier = swatch.modifiers.new("Cloth", "CLOTH")
     modifier.settings.rest_shape_key = flat
     modifier.settings.vertex_group_mass = "pins"
+    modifier.settings.quality = steps // PARTS
     modifier.collision_settings.use_collision = False
     modifier.point_cache.frame_end = len(paths)
     return swatch, modifier.settings
 
 
 def settle(cloth, rate):
-    """In thick air, in long steps."""
+    """In thick air."""
     air = cloth.air_damping
     thick = max(air, THICK_AIR * 100 * cloth.mass / rate)
-    for frame, value in ((1, thick), (SETTLING - 20 * PARTS, thick), (SETTLING - 10 * PARTS, air)):
+    for frame, value in ((1, thick), (SETTLING - 8 * PARTS, thick), (SETTLING - 4 * PARTS, air)):
         cloth.air_damping = value
         cloth.keyframe_insert("air_damping", frame=frame)
-    for frame, value in ((1, SETTLING_STEPS), (SETTLING, SETTLING_STEPS), (SETTLING + 1, STEPS)):
-        cloth.quality = value
-        cloth.keyframe_insert("quality", frame=frame)
 
 
-def motion(capture, script):
+def motion(capture, script, steps):
     """Points of the surface, frame by frame; `script`: None for Blender's own settings."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.fps, scene.gravity = round(capture.rate * PARTS), (0, 0, -9.81)
     paths = np.concatenate([np.repeat(capture.corners[:1], SETTLING, axis=0), capture.corners])
     scene.frame_end = len(paths)
-    swatch, cloth = hanging_swatch(scene, capture, paths)
+    swatch, cloth = hanging_swatch(scene, capture, paths, steps)
     if script:
         exec(compile(open(script).read(), script, "exec"), {})
     settle(cloth, capture.rate * PARTS)
@@ -168,21 +170,38 @@ def exported(weft, out, capture, fabric):
     return name, script
 
 
+def evaluation(capture, apart):
+    fit = capture.fit_frames
+    part = lambda first, last: {"first": first, "last": last, "distance_mean": apart[first:last + 1].mean()}
+    return {"fit": part(0, fit - 1), "validation": part(fit, len(apart) - 1),
+            "frames": [{"frame": k, "distance_mean": d} for k, d in enumerate(apart)]}
+
+
 def main():
-    weft, out, folder, *fabrics = sys.argv[sys.argv.index("--") + 1:]
-    os.makedirs(out, exist_ok=True)
-    capture = Capture(folder)
-    with open(os.path.join(out, f"{capture.name}.csv"), "w") as table:
+    parser = argparse.ArgumentParser(prog="blender_motion")
+    for name in ("weft", "out", "capture"):
+        parser.add_argument(name)
+    parser.add_argument("fabrics", nargs="+")
+    parser.add_argument("--steps", type=int, default=64)
+    a = parser.parse_args(sys.argv[sys.argv.index("--") + 1:])
+    if a.steps < PARTS or a.steps % PARTS:
+        parser.error(f"--steps: {a.steps} is not a multiple of {PARTS}")
+    os.makedirs(a.out, exist_ok=True)
+    capture = Capture(a.capture)
+    with open(os.path.join(a.out, f"{capture.name}.csv"), "w") as table:
         def put(line):
             print(line, flush=True)
             table.write(line + "\n")
+
         put("fabric,frame 0 (mm),fit frames (mm),later frames (mm)")
-        for fabric in fabrics:
-            name, script = ("Blender's own", None) if fabric == "-" else exported(weft, out, capture, fabric)
-            x = motion(capture, script)
-            distance = 1e3 * np.linalg.norm(x - capture.shown, axis=2).mean(axis=1)
-            put(f"{name},{distance[0]:.2f},{distance[:capture.fit_frames].mean():.2f},{distance[capture.fit_frames:].mean():.2f}")
-            np.save(os.path.join(out, f"{capture.name}_{name}.npy"), x.astype(np.float32))
+        for fabric in a.fabrics:
+            name, script = (fabric, None) if fabric == "blender" else exported(a.weft, a.out, capture, fabric)
+            apart = np.linalg.norm(motion(capture, script, a.steps) - capture.shown, axis=2).mean(axis=1)
+            found = evaluation(capture, apart)
+            put(f"{name},{1e3 * apart[0]:.2f}," +
+                ",".join(f"{1e3 * found[part]['distance_mean']:.2f}" for part in ("fit", "validation")))
+            with open(os.path.join(a.out, f"{capture.name}_{name}.json"), "w") as file:
+                json.dump(found, file)
 
 
 main()
