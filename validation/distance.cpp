@@ -8,6 +8,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <limits>
@@ -40,7 +41,8 @@ std::string in_millimetres(const nlohmann::json& part) {
   if (!part.is_object()) return "none";
   const double mean = number_or_gap(part, "distance_mean");
   const double max = number_or_gap(part, "distance_max");
-  return fmt::format("{:6.2f} mm (largest {:.1f})", 1e3 * mean, 1e3 * max);
+  return std::isfinite(max) ? fmt::format("{:6.2f} mm (largest {:.1f})", 1e3 * mean, 1e3 * max)
+                            : fmt::format("{:6.2f} mm", 1e3 * mean);
 }
 
 Distances read_distances(const std::string& argument) {
