@@ -20,7 +20,7 @@ class SparseCholesky {
   SparseCholesky(const SparseMatrix& pattern, const std::vector<char>& held,
                  const MaterialPoints& material);
   /// For other matrices of the same pattern with the same vertices held: what was found about them
-  /// is shared, the factor is not. Takes a hundredth of the time.
+  /// is shared, the factor is not.
   SparseCholesky another() const;
   ~SparseCholesky();
   SparseCholesky(SparseCholesky&&) noexcept;
