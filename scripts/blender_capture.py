@@ -193,7 +193,7 @@ def swatch_mesh(a, name):
 
 
 def hold(scene, swatch, name, vertex, path):
-    """A hook that moves the vertex along the path, one point a frame of the simulation."""
+    """A hook that moves the vertex along the path, one point a frame of the simulation from frame 1 on."""
     empty = bpy.data.objects.new(name, None)
     scene.collection.objects.link(empty)
     empty.location = path[0]
@@ -667,4 +667,5 @@ def main():
     print(f"wrote {a.out}")
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -19,7 +19,9 @@ import tomllib
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "scripts"))
+from blender_capture import hold
 
 # Blender's frames are shorter than the video's: corners go straight on from one to the next.
 PARTS = 4  # of a frame of the video
@@ -82,23 +84,6 @@ def vertices_of(shown, side):
     for _ in range(60):  # each leaves at most 8/9 of the error
         x += shown - surface_of(x, side)
     return x
-
-
-def hold(scene, swatch, name, vertex, path):
-    """Moves a vertex along the path, one position a frame from frame 1 on."""
-    empty = bpy.data.objects.new(name, None)
-    scene.collection.objects.link(empty)
-    for frame, position in enumerate(path, 1):
-        empty.location = position
-        empty.keyframe_insert("location", frame=frame)
-    for curve in empty.animation_data.action.fcurves:
-        for key in curve.keyframe_points:
-            key.interpolation = "LINEAR"
-    scene.frame_set(1)
-    swatch.vertex_groups.new(name=name).add([vertex], 1.0, "REPLACE")
-    hook = swatch.modifiers.new(name, "HOOK")
-    hook.object, hook.vertex_group = empty, name
-    hook.matrix_inverse = Matrix.Translation(Vector(path[0])).inverted()
 
 
 def hanging_swatch(scene, capture, paths, steps):

@@ -71,8 +71,8 @@ struct LoadedPoseSensitivities {
 class LoadedCloth {
  public:
   /// `loads`: one a clip; none for a clip that is held where `clips` has it. `like`: null, or as in
-  /// StaticSystem. Throws Error as
-  /// clip_of_vertices(), and where no clip is held, or none is loaded.
+  /// StaticSystem. Throws Error as clip_of_vertices(), and where no clip is held, or none is
+  /// loaded.
   LoadedCloth(const HeavyCloth& cloth, std::vector<Clip> clips,
               std::vector<std::optional<ClipLoad>> loads, const StaticSystem* like = nullptr);
   ~LoadedCloth();

@@ -440,18 +440,18 @@ bool SparseCholesky<Scalar>::factorize(const SparseMatrix& matrix) {
 template <class Scalar>
 void SparseCholesky<Scalar>::solve(Points& b) const {
   const Impl& s = *impl_;
+  const std::vector<int>& order = s.structure->order;
   Scalar* ordered = s.ordered.data();
-  for (std::size_t k = 0; k < s.structure->order.size(); ++k) {
-    for (int i = 0; i < 3; ++i)
-      ordered[3 * k + i] = static_cast<Scalar>(b(i, s.structure->order[k]));
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    for (int i = 0; i < 3; ++i) ordered[3 * k + i] = static_cast<Scalar>(b(i, order[k]));
   }
   for (const Node& node : s.nodes) s.forward(node);
   for (auto node = s.nodes.rbegin(); node != s.nodes.rend(); ++node) s.backward(*node);
   for (Eigen::Index i = 0; i < b.cols(); ++i) {
     if (s.structure->held[static_cast<std::size_t>(i)]) b.col(i).setZero();
   }
-  for (std::size_t k = 0; k < s.structure->order.size(); ++k) {
-    for (int i = 0; i < 3; ++i) b(i, s.structure->order[k]) = ordered[3 * k + i];
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    for (int i = 0; i < 3; ++i) b(i, order[k]) = ordered[3 * k + i];
   }
 }
 
@@ -492,19 +492,20 @@ void SparseCholesky<Scalar>::Impl::backward_rows(const Node& node) const {
 template <class Scalar>
 void SparseCholesky<Scalar>::solve(Directions& b) const {
   const Impl& s = *impl_;
+  const std::vector<int>& order = s.structure->order;
   constexpr std::size_t kBlock = 3 * kDirections;  // of a vertex
-  s.ordered_rows.resize(kBlock * s.structure->order.size());
+  s.ordered_rows.resize(kBlock * order.size());
   s.work_rows.resize(s.work.size() * kDirections);
   Scalar* ordered = s.ordered_rows.data();
-  for (std::size_t k = 0; k < s.structure->order.size(); ++k) {
-    const double* from = b.data() + kBlock * static_cast<std::size_t>(s.structure->order[k]);
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    const double* from = b.data() + kBlock * static_cast<std::size_t>(order[k]);
     for (std::size_t i = 0; i < kBlock; ++i) ordered[kBlock * k + i] = static_cast<Scalar>(from[i]);
   }
   for (const Node& node : s.nodes) s.forward_rows(node);
   for (auto node = s.nodes.rbegin(); node != s.nodes.rend(); ++node) s.backward_rows(*node);
   b.setZero();  // where vertices are held
-  for (std::size_t k = 0; k < s.structure->order.size(); ++k) {
-    double* to = b.data() + kBlock * static_cast<std::size_t>(s.structure->order[k]);
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    double* to = b.data() + kBlock * static_cast<std::size_t>(order[k]);
     for (std::size_t i = 0; i < kBlock; ++i) to[i] = ordered[kBlock * k + i];
   }
 }

@@ -245,10 +245,17 @@ class LeastSquaresFit {
     if (suited == before.problem->trials()) return false;
     const auto renewed =
         std::make_shared<const Problem>(before.problem->with_trials(std::move(suited)));
-    for (Contender& candidate : candidates)
-      if (candidate.problem == before.problem) candidate.problem = renewed;
+    give(renewed, before.problem, candidates);
     candidates.push_back(before);
     return true;
+  }
+
+  /// To those that have `before`.
+  static void give(const std::shared_ptr<const Problem>& after,
+                   const std::shared_ptr<const Problem>& before,
+                   std::vector<Contender>& candidates) {
+    for (Contender& candidate : candidates)
+      if (candidate.problem == before) candidate.problem = after;
   }
 
   /// The problem itself where there was nothing to choose from.
@@ -264,8 +271,7 @@ class LeastSquaresFit {
     if (stopped_) return;
     const std::shared_ptr<const Problem> before = candidates.front().problem;
     const auto after = settled(before, candidates.front().scaled);
-    for (Contender& candidate : candidates)
-      if (candidate.problem == before) candidate.problem = after;
+    give(after, before, candidates);
     if (problem_ == before) problem_ = after;
   }
 
