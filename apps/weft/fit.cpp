@@ -61,7 +61,7 @@ struct FitArguments {
   std::optional<std::uint64_t> start_seed;
   bool no_variability = false;
   bool variability_curves = false;
-  bool overwrite = false;
+  Existing existing = Existing::refuse;
   bool no_mesh_error = false;
   std::string name;
   TrialArguments trial;
@@ -103,7 +103,9 @@ AutoFitOptions auto_options(const FitArguments& arguments) {
     options.least_squares.start = FitOptions::Start::initial;
     options.least_squares.screening_points = 0;
   }
-  options.least_squares.hops.rounds = arguments.hops;
+  HopOptions& hops = options.least_squares.hops;
+  hops.rounds = arguments.hops;
+  hops.patience = std::max(hops.patience, arguments.hops / 4);
   options.least_squares.seed = arguments.seed;
   options.least_squares.start_seed = arguments.start_seed;
   options.least_squares.threads = arguments.trial.threads();
@@ -284,7 +286,7 @@ MechanicalFitArguments tests_of(const FitArguments& arguments) {
   tests.out = arguments.out;
   tests.threads = arguments.trial.threads();
   tests.options = arguments.mechanical.options();
-  tests.overwrite = arguments.overwrite;
+  tests.existing = arguments.existing;
   return tests;
 }
 
@@ -422,6 +424,18 @@ void add_origin(const FitArguments& arguments, const Sureness& sure, Report& rep
                                  fmt::format("{}", fmt::join(arguments.tests, ", ")));
 }
 
+/// An error that the last hops lowered by less is not said to be falling still.
+constexpr double kStillFalling = 0.01;
+
+void add_hop_remark(int hops, const FitResult& fit, Report& report) {
+  if (fit.hop_gain < kStillFalling) return;
+  report.remarks.push_back(
+      fmt::format("Hops still lowered the error when their rounds ended, by {:.2g} % in the last "
+                  "ones: more may lower it further, at another fabric. --hops {} --extend goes on "
+                  "from here.",
+                  100 * fit.hop_gain, 4 * hops));
+}
+
 std::string title_of(const std::vector<Capture>& captures,
                      const std::vector<ReportMechanical>& tests) {
   std::vector<std::string> names;
@@ -436,13 +450,17 @@ void run_fit(const FitArguments& arguments) {
   const FitInput input = read_input(arguments);
   std::vector<std::string> stores{kStoreName};
   if (!arguments.tests.empty()) stores.emplace_back(kMechanicalStoreName);
-  prepare_fit_folder(out, stores, arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  prepare_fit_folder(out, stores, arguments.existing);
   const auto trials = arguments.trial.prepare(input.captures, TrialArguments::Frames::fit);
   std::optional<MechanicalBeside> tests;
   if (!arguments.tests.empty()) tests.emplace(tests_of(arguments), input.initial, input.free);
   const Problem problem(trials, tests ? tests->fabric() : input.initial, input.free, {},
                         input.priors, tests ? tests->data() : OtherData{});
-  if (arguments.overwrite) remove_earlier_fit(out, {kStoreName});
+  if (arguments.existing == Existing::overwrite) remove_earlier_fit(out, {kStoreName});
+  if (arguments.existing == Existing::extend) {
+    open_store(out, problem);  // throws for one of another problem
+    remove_earlier_fit(out, {});
+  }
   const FitResult fit = search(arguments, problem);
   write_fabric(out / "fabric.toml", fit.fabric);
   write_starts(out, fit.compared);
@@ -464,6 +482,7 @@ void run_fit(const FitArguments& arguments) {
   }
 
   Report report = report_of_fit(compared, fit, look.evaluations);
+  add_hop_remark(arguments.hops, fit, report);
   if (sure.uncertainty) {
     add_uncertainty(*sure.uncertainty, report);
     add_mesh_remark(sure.mesh, report);
@@ -486,6 +505,7 @@ const std::vector<std::string> kVideoFitOptions{
 
 void run_mechanical(const FitArguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
+  refuse_options(command, {"--extend"}, "mechanical captures");
   refuse_options(command, video_option_names(), "mechanical captures");
   MechanicalFitArguments fit = tests_of(arguments);
   fit.mesh_error = mesh_error_of(arguments);
@@ -496,7 +516,7 @@ void run_mechanical(const FitArguments& arguments, const CLI::App& command) {
   fit.include = arguments.include;
   fit.parameters = arguments.parameters;
   fit.seed = arguments.seed;
-  fit.overwrite = arguments.overwrite;
+  fit.existing = arguments.existing;
   refuse_without(command, "--subdivide", {"--points"});
   if (arguments.start != "random" && command.count("--seed") > 0)
     throw Error("--seed: of mechanical captures only with --start random");
@@ -526,7 +546,7 @@ void run_scan(const FitArguments& arguments, const CLI::App& command) {
   fit.include = arguments.include;
   fit.parameters = arguments.parameters;
   fit.seed = arguments.seed;
-  fit.overwrite = arguments.overwrite;
+  fit.existing = arguments.existing;
   fit.threads = arguments.trial.threads();
   fit.options = arguments.scan.options(command, fit.threads);
   fit.solver = arguments.scan.solver();
@@ -612,9 +632,11 @@ void add_search_options(CLI::App& command, FitArguments& arguments) {
       ->check(integer_in(1, 100000))
       ->capture_default_str();
   command
-      .add_option("--hops", arguments.hops,
-                  "rounds, at most, of a descent from the best of ten points about the best so "
-                  "far, of some 25 evaluations' time each (--method auto)")
+      .add_option(
+          "--hops", arguments.hops,
+          "rounds, at most, of a descent from the best of ten points about the best so "
+          "far, of some 25 evaluations' time each; a quarter of them, two at least, that gain "
+          "nothing in turn are the last (--method auto)")
       ->check(integer_in(0, 100000))
       ->capture_default_str();
   command
@@ -653,6 +675,8 @@ void check_together(const CLI::App& command, const FitArguments& arguments) {
     throw Error("--start-seed: only with --start random");
   if (arguments.no_variability && arguments.variability_curves)
     throw Error("--no-variability and --variability-curves exclude each other");
+  if (command.count("--overwrite") > 0 && command.count("--extend") > 0)
+    throw Error("--overwrite and --extend exclude each other");
   if (arguments.method == "auto" && command.count("--simplex") > 0 &&
       arguments.iterations.value_or(0) == 0)
     throw Error("--simplex: of the annealing; with --method auto only with --iterations");
@@ -678,7 +702,13 @@ void add_fit(CLI::App& app) {
       ->required();
   add_fabric_options(*command, *arguments);
   add_search_options(*command, *arguments);
-  command->add_flag("--overwrite", arguments->overwrite, "replace an earlier result");
+  command->add_flag_callback(
+      "--overwrite", [arguments] { arguments->existing = Existing::overwrite; },
+      "replace an earlier result");
+  command->add_flag_callback(
+      "--extend", [arguments] { arguments->existing = Existing::extend; },
+      "replace an earlier result, but make none of its evaluations again: for more hops, "
+      "iterations or random starts than it had");
   arguments->trial.add_to(*command);
   arguments->mechanical.add_to(*command);
   arguments->curves.add_to(*command);

@@ -228,8 +228,7 @@ void run_mechanical_fit(const MechanicalFitArguments& arguments) {
   }
   const Fabric initial = start_fabric(arguments, captures);
   if (arguments.curves) free_rows(arguments, initial);  // before the folder is made
-  prepare_fit_folder(out, {kMechanicalStoreName},
-                     arguments.overwrite ? Existing::overwrite : Existing::refuse);
+  prepare_fit_folder(out, {kMechanicalStoreName}, arguments.existing);
   std::vector<std::shared_ptr<const MechanicalTrial>> trials;
   for (const MechanicalCapture& capture : captures)
     trials.push_back(prepare_mechanical(capture, arguments.options));

@@ -257,10 +257,10 @@ void run_scan_fit(const ScanFitArguments& arguments) {
       trials, arguments.solver, initial,
       arguments.parameters.empty() ? default_scan_parameters(initial) : arguments.parameters, cost,
       arguments.threads);
-  prepare_fit_folder(out, {kScanStoreName},
-                     arguments.overwrite ? Existing::overwrite : Existing::refuse);
-  if (arguments.overwrite) remove_earlier_fit(out, {kScanStoreName});
+  prepare_fit_folder(out, {kScanStoreName}, arguments.existing);
+  if (arguments.existing == Existing::overwrite) remove_earlier_fit(out, {kScanStoreName});
   problem.keep_in(std::make_shared<NumberStore>(out / kScanStoreName, problem.fingerprint()));
+  if (arguments.existing == Existing::extend) remove_earlier_fit(out, {});
   Progress progress("least squares", 0);
   const ScanFitResult fit = fit_scan(problem, initial, options, [&](const ScanFitStep& step) {
     progress.update(step.evaluation,

@@ -76,7 +76,7 @@ nlohmann::json overhang_json(const OverhangDifference& overhang) {
 std::shared_ptr<MechanicalStore> open_mechanical_store(const MechanicalFitArguments& arguments,
                                                        const std::string& fingerprint) {
   const std::filesystem::path out = arguments.out;
-  if (arguments.overwrite) remove_earlier_fit(out, {kMechanicalStoreName});
+  if (arguments.existing == Existing::overwrite) remove_earlier_fit(out, {kMechanicalStoreName});
   return std::make_shared<MechanicalStore>(out / kMechanicalStoreName,
                                            fmt::format("{} by " WEFT_VERSION, fingerprint));
 }

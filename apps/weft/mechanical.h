@@ -64,7 +64,7 @@ struct MechanicalFitArguments {
   std::string cord_friction = "auto";
   MeshError mesh_error = MeshError::included;
   std::uint64_t seed = 1;
-  bool overwrite = false;
+  Existing existing = Existing::refuse;
   int threads = 0;
   MechanicalOptions options;
   std::optional<CurveFitOptions> curves;  ///< `parameters` are rows then

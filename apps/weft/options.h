@@ -62,9 +62,10 @@ void refuse_twice(const std::vector<std::string>& folders);
 /// Throws Error as read_capture and refuse_twice do.
 std::vector<Capture> read_captures(const std::vector<std::string>& folders);
 
+/// What becomes of an earlier run's results. `extend`: its evaluations are kept and not made again.
+enum class Existing { refuse, overwrite, extend };
 /// Makes the folder if needed. Throws Error if it cannot be made or written to, or if it holds one
-/// of `results` (the files of another run) and `overwrite` is not given.
-enum class Existing { refuse, overwrite };
+/// of `results` (the files of another run) and they are to be refused.
 void prepare_output_folder(const std::filesystem::path& folder,
                            const std::vector<std::string>& results, Existing existing);
 

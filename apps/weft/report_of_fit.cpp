@@ -294,6 +294,11 @@ bool holds_stopped_fit(const std::filesystem::path& out, const std::vector<std::
 
 void prepare_fit_folder(const std::filesystem::path& out, const std::vector<std::string>& stores,
                         Existing existing) {
+  if (existing == Existing::extend) {
+    for (const std::string& store : stores)
+      if (!path_exists(out / store))
+        throw Error(fmt::format("--extend: {} holds no {} of an earlier run", out.string(), store));
+  }
   std::vector<std::string> results;
   if (existing == Existing::refuse && !holds_stopped_fit(out, stores))
     results.emplace_back("result.json");
@@ -301,11 +306,11 @@ void prepare_fit_folder(const std::filesystem::path& out, const std::vector<std:
 }
 
 void remove_earlier_fit(const std::filesystem::path& out, const std::vector<std::string>& stores) {
-  // SQLite would read a log that a killed run left into the new store.
   for (const std::string name : {"result.json", "fabric.toml", "report.html"}) {
     remove_file(out / name);
   }
   remove_results(out, R"(registered_\d+(\.obj|_weights\.csv)|start_\d+\.obj)");
+  // SQLite would read a log that a killed run left into the new store.
   for (const std::string& store : stores) {
     for (const std::string ending : {"", "-wal", "-shm"}) {
       remove_file(out / (store + ending));

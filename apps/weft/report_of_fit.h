@@ -69,11 +69,12 @@ CapturePictures pictures_of(const Trial& trial, const Trajectory& trajectory, in
 
 /// Makes the folder of a fit that keeps its evaluations in the files `stores` (SQLite). A run that
 /// was killed has its evaluations but no result, one that was stopped has the result until then;
-/// both continue. Throws Error as prepare_output_folder does for the result of another run.
+/// both continue. Throws Error as prepare_output_folder does for the result of another run, and
+/// where there is nothing to extend.
 void prepare_fit_folder(const std::filesystem::path& out, const std::vector<std::string>& stores,
                         Existing existing);
-/// Removes the result and the stores of an earlier fit, for one that overwrites it: once all that
-/// the user gave has been checked.
+/// Removes the result and the stores of an earlier fit, for one that overwrites it (none for one
+/// that extends it): once all that the user gave has been checked.
 void remove_earlier_fit(const std::filesystem::path& out, const std::vector<std::string>& stores);
 
 }  // namespace weft::app

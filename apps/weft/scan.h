@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "options.h"
 #include "weft/estimate/scan_fit.h"
 
 namespace weft::app {
@@ -59,7 +60,7 @@ struct ScanFitArguments {
   int random_starts = ScanFitOptions().random_starts;
   MeshError mesh_error = MeshError::included;
   std::uint64_t seed = 1;
-  bool overwrite = false;
+  Existing existing = Existing::refuse;
   int threads = 0;
   ScanOptions options;
   std::shared_ptr<const EquilibriumSolver> solver;

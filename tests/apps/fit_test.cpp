@@ -428,6 +428,34 @@ TEST_F(Fit, AKilledDescentContinues) {
   EXPECT_EQ(without_circumstances(result("out")), without_circumstances(result("whole")));
 }
 
+TEST_F(Fit, ExtendsAnEarlierResult) {
+  const auto words = [&](const std::string& out, const std::string& hops) {
+    return quick_fit(out, {"--parameters", "bend_stiffness", "stretch_stiffness", "--hops", hops,
+                           "--no-variability", "--no-mesh-error"});
+  };
+  auto extend = words("out", "1");
+  extend.emplace_back("--extend");
+  EXPECT_EQ(refusal(extend),
+            "--extend: " + path("out") + " holds no evaluations.sqlite of an earlier run");
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+  ASSERT_EQ(weft(words("out", "0")).status, 0);
+  const std::size_t made = rows_of(folder_ / "out/evaluations.sqlite").size();
+
+  auto both = extend;
+  both.emplace_back("--overwrite");
+  EXPECT_EQ(refusal(both), "--overwrite and --extend exclude each other");
+  auto other = extend;
+  other.insert(other.end(), {"--alpha", "0.2"});
+  EXPECT_THAT(refusal(other), HasSubstr("evaluations.sqlite of another run"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "out/result.json"));
+  const Outcome extended = weft(extend);
+  ASSERT_EQ(extended.status, 0) << extended.err;
+  EXPECT_THAT(extended.err, HasSubstr("(replayed)"));
+  EXPECT_GT(rows_of(folder_ / "out/evaluations.sqlite").size(), made);
+  ASSERT_EQ(weft(words("whole", "1")).status, 0);
+  EXPECT_EQ(without_circumstances(result("out")), without_circumstances(result("whole")));
+}
+
 TEST_F(Fit, TheVariabilityDoesNotDependOnTheThreads) {
   json results[2];
   for (int i = 0; i < 2; ++i) {

@@ -365,6 +365,7 @@ TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
   options.threads = 1;
   const FitResult result = run_least_squares_fit(problem(), options);
   EXPECT_LT(result.final.error, alone.final.error);
+  EXPECT_EQ(result.hop_gain, 1 - result.final.error / alone.final.error);  // of patience rounds
   EXPECT_EQ(result.final.error, evaluate(problem(), result.fabric).error);
   // Then the middle of the ranges is looked at again, from the starts of the estimate.
   ASSERT_GT(result.history.size(), 2u);
@@ -377,7 +378,9 @@ TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
   options.hops.least_gain = 1;  // no round gains that
   const auto two_rounds = run_least_squares_fit(problem(), options).evaluations;
   options.hops.rounds = 5;
-  EXPECT_EQ(run_least_squares_fit(problem(), options).evaluations, two_rounds);
+  const FitResult fruitless = run_least_squares_fit(problem(), options);
+  EXPECT_EQ(fruitless.evaluations, two_rounds);
+  EXPECT_EQ(fruitless.hop_gain, 0);
   options.hops.patience = 1;
   EXPECT_LT(run_least_squares_fit(problem(), options).evaluations, two_rounds);
 }

@@ -77,6 +77,10 @@ struct FitResult {
   double prior_weight = 0, prior_error = 0;
   /// Of the estimate, with the errors of each frame; empty if the problem has its own evaluator.
   std::vector<TrialEvaluation> trials;
+  /// Part of the error that the last rounds of hops took off it, where their number ended them
+  /// (HopOptions::patience rounds; run_least_squares_fit): more may take off more. 0: fruitless
+  /// ones ended them, or there were none.
+  double hop_gain = 0;
   std::vector<FitStep> history;
   std::vector<PerturbationCurve> variability;  ///< empty if not asked for, or stopped before
   std::size_t evaluations = 0;                 ///< asked for, all phases (variability included)

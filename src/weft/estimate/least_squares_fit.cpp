@@ -329,11 +329,12 @@ class LeastSquaresFit {
     QuadraticModel model;
     VecX about;
     int fruitless = 0;
+    std::vector<double> errors;  // before each round
     for (int round = 0; round < hops.rounds && fruitless < hops.patience && !stopped_; ++round) {
       if (round == 0 || about != result_.scaled) model = model_at_best(stage);
       about = result_.scaled;
       if (!std::isfinite(model.cost)) return;
-      const double before = best_error_;
+      errors.push_back(best_error_);
       std::vector<Contender> candidates;
       for (VecX& x : draw_by_curvature(result_.scaled, model, hops.drawn, rng, hops.draw))
         candidates.push_back({std::move(x), best_problem_});
@@ -341,8 +342,10 @@ class LeastSquaresFit {
       if (stopped_) return;
       keep_best(hops.descents, candidates);
       record_all(stage, "hops", candidates, descend(stage, "hops", candidates));
-      fruitless = best_error_ < (1 - hops.least_gain) * before ? 0 : fruitless + 1;
+      fruitless = best_error_ < (1 - hops.least_gain) * errors.back() ? 0 : fruitless + 1;
     }
+    if (!errors.empty() && fruitless < hops.patience && !stopped_)
+      result_.hop_gain = 1 - best_error_ / *(errors.end() - std::min(hops.patience, hops.rounds));
   }
 
   /// With the priors; its cost is infinite where there is no best yet.
