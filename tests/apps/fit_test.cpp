@@ -454,6 +454,12 @@ TEST_F(Fit, ExtendsAnEarlierResult) {
   EXPECT_GT(rows_of(folder_ / "out/evaluations.sqlite").size(), made);
   ASSERT_EQ(weft(words("whole", "1")).status, 0);
   EXPECT_EQ(without_circumstances(result("out")), without_circumstances(result("whole")));
+  // Once more the same: each evaluation is replayed, those of the descents, too.
+  const Outcome again = weft(extend);
+  ASSERT_EQ(again.status, 0) << again.err;
+  EXPECT_THAT(again.out, HasSubstr(fmt::format("; {0} evaluations ({0} replayed",
+                                               result("out")["evaluations"].get<int>())));
+  EXPECT_EQ(without_circumstances(result("out")), without_circumstances(result("whole")));
 }
 
 TEST_F(Fit, TheVariabilityDoesNotDependOnTheThreads) {

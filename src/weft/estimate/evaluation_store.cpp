@@ -26,6 +26,15 @@ CREATE TABLE IF NOT EXISTS evaluation (
   wall_s REAL NOT NULL,
   UNIQUE (problem, model, frame_count, parameters)
 );
+CREATE TABLE IF NOT EXISTS numbers (
+  problem TEXT NOT NULL,
+  model TEXT NOT NULL,
+  frame_count INTEGER NOT NULL,
+  parameters TEXT NOT NULL,
+  key TEXT NOT NULL,
+  value BLOB NOT NULL,
+  PRIMARY KEY (problem, model, frame_count, parameters, key)
+);
 )";
 
 /// {"stretch_stiffness":50,...} with 17 significant digits: reads well, and each double comes back
@@ -67,6 +76,12 @@ struct EvaluationStore::Impl {
       "INSERT OR IGNORE INTO evaluation (problem, model, frame_count, parameters, phase, error, "
       "error_per_frame, fold, silhouette, diverged, wall_s) "
       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)");
+  detail::Statement select_numbers = database.prepare(
+      "SELECT value FROM numbers WHERE problem = ?1 AND model = ?2 AND frame_count = ?3 AND "
+      "parameters = ?4 AND key = ?5");
+  detail::Statement insert_numbers = database.prepare(
+      "INSERT OR IGNORE INTO numbers (problem, model, frame_count, parameters, key, value) "
+      "VALUES (?1, ?2, ?3, ?4, ?5, ?6)");
   detail::Statement counter =
       database.prepare("SELECT count(*) FROM evaluation WHERE problem = ?1");
   detail::Statement total = database.prepare("SELECT count(*) FROM evaluation");
@@ -108,6 +123,25 @@ void EvaluationStore::add(const Problem& problem, const Fabric& fabric, int fram
   insert.bind(10, evaluation.diverged ? 1 : 0);
   insert.bind(11, evaluation.wall_s);
   insert.run();
+}
+
+std::optional<VecX> EvaluationStore::find_numbers(const Problem& problem, const Fabric& fabric,
+                                                  int frame_count, std::string_view key) const {
+  const std::lock_guard lock(impl_->mutex);
+  Impl::bind_key(impl_->select_numbers, problem, fabric, frame_count);
+  impl_->select_numbers.bind(5, key);
+  std::optional<VecX> found;
+  impl_->select_numbers.run([&](const detail::Row& row) { found = row.numbers(0); });
+  return found;
+}
+
+void EvaluationStore::add_numbers(const Problem& problem, const Fabric& fabric, int frame_count,
+                                  std::string_view key, const VecX& numbers) {
+  const std::lock_guard lock(impl_->mutex);
+  Impl::bind_key(impl_->insert_numbers, problem, fabric, frame_count);
+  impl_->insert_numbers.bind(5, key);
+  impl_->insert_numbers.bind(6, numbers);
+  impl_->insert_numbers.run();
 }
 
 std::size_t EvaluationStore::count(const Problem& problem) const {

@@ -26,6 +26,13 @@ class EvaluationStore {
   /// `phase` says which part of a run asked for it. An evaluation that is there already stays.
   void add(const Problem& problem, const Fabric& fabric, int frame_count, std::string_view phase,
            const ProblemEvaluation& evaluation);
+  /// What a search keeps of a point besides, by a key that says all that it depends on beside
+  /// these.
+  std::optional<VecX> find_numbers(const Problem& problem, const Fabric& fabric, int frame_count,
+                                   std::string_view key) const;
+  /// What is there already stays.
+  void add_numbers(const Problem& problem, const Fabric& fabric, int frame_count,
+                   std::string_view key, const VecX& numbers);
   /// Evaluations of this problem.
   std::size_t count(const Problem& problem) const;
   /// Evaluations of all problems.

@@ -15,6 +15,7 @@
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
 #include "weft/estimate/choose_start.h"
+#include "weft/estimate/stored_descent.h"
 #include "weft/estimate/uncertainty.h"
 
 namespace weft {
@@ -359,7 +360,8 @@ class LeastSquaresFit {
     });
     model = known != linearized_.end()
                 ? known->model
-                : linearize(*best_problem_, result_.scaled, linearization_of(stage)).model;
+                : linearize_stored(*best_problem_, result_.scaled, linearization_of(stage), store_)
+                      .model;
     add_priors(result_.scaled, prior_weight_, model);
     return model;
   }
@@ -417,6 +419,7 @@ class LeastSquaresFit {
   struct Tried {
     VecX scaled;
     ProblemEvaluation evaluation;
+    bool replayed = false;
   };
   struct Descent {
     std::vector<Tried> tried;  ///< in order
@@ -465,8 +468,10 @@ class LeastSquaresFit {
                   const std::vector<Contender>& candidates, const std::vector<Descent>& descents) {
     linearized_.clear();
     for (std::size_t i = 0; i < candidates.size(); ++i) {
-      for (const Tried& tried : descents[i].tried)
+      for (const Tried& tried : descents[i].tried) {
+        result_.replayed += tried.replayed;
         record(phase, {tried.scaled, candidates[i].problem}, stage.frames, tried.evaluation);
+      }
       if (stage.frames == 0 && descents[i].last.problem) linearized_.push_back(descents[i].last);
     }
   }
@@ -479,7 +484,7 @@ class LeastSquaresFit {
     descent.prior_weight = prior_weight_;
     double pull = -1;  // set by the first linearization, as is the weight of the priors
     const auto linearized = [&](const VecX& scaled) {
-      ProblemLinearization found = linearize(problem, scaled, options);
+      StoredLinearization found = linearize_stored(problem, scaled, options, store_);
       if (pull < 0) {
         pull = std::isfinite(found.model.cost) ? stage.pull * found.model.cost : 0;
         descent.start = found.evaluation;
@@ -493,10 +498,10 @@ class LeastSquaresFit {
       return found.model;
     };
     const auto cost = [&](const VecX& scaled) {
-      const ProblemCost found = evaluate_cost(problem, scaled, options);
+      const StoredCost found = evaluate_cost_stored(problem, scaled, options, store_);
       if (store_)
         store_->add(problem, problem.fabric(scaled), stage.frames, phase, found.evaluation);
-      descent.tried.push_back({scaled, found.evaluation});
+      descent.tried.push_back({scaled, found.evaluation, found.replayed});
       announce(phase, found.evaluation);
       return found.cost + problem.prior_cost(scaled, descent.prior_weight) +
              pull * (scaled - origin).squaredNorm();

@@ -83,9 +83,9 @@ struct LeastSquaresFitOptions {
 /// gone through again if they are others. After each stage they are replaced by equilibria of the
 /// best candidate (with_settled_starts). Of the candidates that go on to a stage one at least has
 /// the starts that were given, settled, unless only one goes on. FitResult::compared has the starts
-/// of the estimate. Full evaluations are added to `store`, and those that are not part of a
-/// linearization are replayed from it. Deterministic for a seed, whatever the number of threads.
-/// Throws Error for options out of range and for a problem with an evaluator of its own.
+/// of the estimate. Evaluations are added to `store`, costs and linearizations of the descents,
+/// too, and replayed from it. Deterministic for a seed, whatever the number of threads. Throws
+/// Error for options out of range and for a problem with an evaluator of its own.
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},
                                 EvaluationStore* store = nullptr, const FitObserver& observer = {});
 

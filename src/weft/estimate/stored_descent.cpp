@@ -1,0 +1,107 @@
+#include "weft/estimate/stored_descent.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <string>
+
+#include "weft/estimate/packed_numbers.h"
+
+namespace weft {
+namespace {
+
+/// All that the numbers depend on beside what the store knows (captures, alpha among their options,
+/// starts, fabric, frames).
+std::string key_of(const char* kind, const Problem& problem, const LinearizationOptions& options) {
+  const ResidualOptions& r = options.residual;
+  return fmt::format(
+      "{} by {}; folds {:.17g} {:.17g}, phase {:.17g} {:.17g}, silhouette {:.17g}, stride {}, "
+      "derivatives {} {:.17g}, turns {:.17g} {:.17g}, motion {:.17g} {:.17g}",
+      kind, fmt::join(problem.free(), " "), r.fold_weight, r.fold_scale, r.phase_weight,
+      r.phase_scale, r.silhouette_sigma, r.stride, static_cast<int>(r.derivatives), r.image_step,
+      r.largest_turn, r.largest_phase_turn, options.least_motion, options.unstable_motion);
+}
+
+void write(const ProblemEvaluation& evaluation, NumberWriter& writer) {
+  for (const double number :
+       {evaluation.error, evaluation.error_per_frame, evaluation.fold, evaluation.silhouette,
+        evaluation.diverged ? 1.0 : 0.0, evaluation.wall_s})
+    writer.add(number);
+}
+
+ProblemEvaluation read_evaluation(NumberReader& reader) {
+  ProblemEvaluation evaluation;
+  evaluation.error = reader.number();
+  evaluation.error_per_frame = reader.number();
+  evaluation.fold = reader.number();
+  evaluation.silhouette = reader.number();
+  evaluation.diverged = reader.number() != 0;
+  evaluation.wall_s = reader.number();
+  return evaluation;
+}
+
+/// Through the store: what `read` makes of its numbers, else what `compute` finds, kept as `write`
+/// has it.
+template <typename Found>
+Found through(EvaluationStore* store, const char* kind, const Problem& problem, const VecX& scaled,
+              const LinearizationOptions& options, const auto& compute, const auto& read,
+              const auto& write_found) {
+  if (!store || options.simulator) return compute();
+  const Fabric fabric = problem.fabric(scaled);
+  const std::string key = key_of(kind, problem, options);
+  if (const auto numbers = store->find_numbers(problem, fabric, options.frame_count, key)) {
+    NumberReader reader(*numbers);
+    Found found = read(reader);
+    found.replayed = true;
+    return found;
+  }
+  const Found found = compute();
+  NumberWriter writer;
+  write_found(found, writer);
+  store->add_numbers(problem, fabric, options.frame_count, key, writer.numbers());
+  return found;
+}
+
+}  // namespace
+
+StoredCost evaluate_cost_stored(const Problem& problem, const VecX& scaled,
+                                const LinearizationOptions& options, EvaluationStore* store) {
+  return through<StoredCost>(
+      store, "cost", problem, scaled, options,
+      [&] { return StoredCost{evaluate_cost(problem, scaled, options)}; },
+      [](NumberReader& reader) {
+        const double cost = reader.number();
+        return StoredCost{{cost, read_evaluation(reader)}};
+      },
+      [](const StoredCost& found, NumberWriter& writer) {
+        writer.add(found.cost);
+        write(found.evaluation, writer);
+      });
+}
+
+StoredLinearization linearize_stored(const Problem& problem, const VecX& scaled,
+                                     const LinearizationOptions& options, EvaluationStore* store) {
+  return through<StoredLinearization>(
+      store, "linearization", problem, scaled, options,
+      [&] {
+        ProblemLinearization found = linearize(problem, scaled, options);
+        return StoredLinearization{found.evaluation, std::move(found.model)};
+      },
+      [&](NumberReader& reader) {
+        StoredLinearization found;
+        found.evaluation = read_evaluation(reader);
+        found.model.cost = reader.number();
+        if (reader.done()) return found;  // an infinite cost has no derivatives
+        found.model.gradient = reader.vector(scaled.size());
+        found.model.hessian = reader.matrix(scaled.size(), scaled.size());
+        return found;
+      },
+      [](const StoredLinearization& found, NumberWriter& writer) {
+        write(found.evaluation, writer);
+        writer.add(found.model.cost);
+        writer.add(found.model.gradient);
+        writer.add(found.model.hessian);
+      });
+}
+
+}  // namespace weft
