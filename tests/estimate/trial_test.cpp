@@ -14,6 +14,7 @@
 #include "weft/estimate/fit.h"
 #include "weft/estimate/least_squares_fit.h"
 #include "weft/estimate/problem.h"
+#include "weft/estimate/stored_search.h"
 #include "weft/estimate/synthetic.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/stripe_surface.h"
@@ -285,6 +286,45 @@ TEST_F(TrialTest, AFitFindsFabricAndStartTogether) {
   const Fabric middle = problem.fabric(VecX::Constant(1, 0.5));
   EXPECT_EQ(found.initial.error, evaluate(compared, middle).error);
   EXPECT_EQ(found.history.size(), found.evaluations);
+}
+
+TEST_F(TrialTest, AFitFromItsStoreIsTheSameAndAsksForNothing) {
+  const auto given = with_the_worst_start(*trial_);
+  const Problem problem({given}, test_fabric(), {"bend_stiffness"});
+  LeastSquaresFitOptions options;
+  options.start = FitOptions::Start::initial;
+  options.screening_points = 0;
+  options.stages = {{2, 1, 1, 3, 1, 0.05}, {0, 1, 1, 3, 1, 0.05}};
+  options.hops.rounds = 1;
+  const test::TemporaryFolder folder;
+  EvaluationStore store(folder.path() / "evaluations.sqlite");
+  const FitResult first = run_least_squares_fit(problem, options, &store);
+  ASSERT_NE(first.compared.front()->scene.start, given->scene.start);
+  const FitResult again = run_least_squares_fit(problem, options, &store);
+  EXPECT_EQ(again.replayed, again.evaluations);
+  EXPECT_EQ(again.evaluations, first.evaluations);
+  EXPECT_EQ(again.scaled, first.scaled);
+  EXPECT_EQ(again.final.error, first.final.error);
+  EXPECT_EQ(again.compared.front()->scene.start, first.compared.front()->scene.start);
+  EXPECT_EQ(again.compared.front()->other_starts, first.compared.front()->other_starts);
+
+  // Another loss, or another choice of starts, is another question.
+  const VecX middle = VecX::Constant(1, 0.5);
+  LinearizationOptions linearization;
+  EXPECT_FALSE(evaluate_cost_stored(problem, middle, linearization, &store).replayed);
+  EXPECT_TRUE(evaluate_cost_stored(problem, middle, linearization, &store).replayed);
+  linearization.residual.fold_scale = 0.5;
+  const StoredCost other = evaluate_cost_stored(problem, middle, linearization, &store);
+  EXPECT_FALSE(other.replayed);
+  EXPECT_EQ(other.cost, evaluate_cost(problem, middle, linearization).cost);
+  const auto suited = with_starts_for_stored(problem, test_fabric(), 0, 0, &store);
+  ASSERT_NE(suited.front(), given);
+  EXPECT_EQ(with_starts_for_stored(problem, test_fabric(), 0, 0, &store).front()->scene.start,
+            suited.front()->scene.start);
+  auto stated = std::make_shared<Trial>(*given);
+  stated->other_starts.clear();
+  const Problem without_choice({stated}, test_fabric(), {"bend_stiffness"});
+  EXPECT_EQ(with_starts_for_stored(without_choice, test_fabric(), 0, 0, &store).front(), stated);
 }
 
 TEST_F(TrialTest, AStartThatTheCaptureStatesStays) {

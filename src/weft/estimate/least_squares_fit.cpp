@@ -15,7 +15,7 @@
 #include "weft/base/parallel.h"
 #include "weft/base/random.h"
 #include "weft/estimate/choose_start.h"
-#include "weft/estimate/stored_descent.h"
+#include "weft/estimate/stored_search.h"
 #include "weft/estimate/uncertainty.h"
 
 namespace weft {
@@ -238,8 +238,8 @@ class LeastSquaresFit {
   bool renew_starts(const FitStage& next, std::vector<Contender>& candidates) {
     if (stopped_ || !starts_differ(*problem_)) return false;
     const Contender before = candidates.front();
-    auto suited = with_starts_for(before.problem->trials(), problem_->fabric(before.scaled),
-                                  next.frames, options_.threads);
+    auto suited = with_starts_for_stored(*before.problem, problem_->fabric(before.scaled),
+                                         next.frames, options_.threads, store_);
     ProblemEvaluation known;
     known.error = before.cost;
     announce("starts", known, 1);
@@ -264,7 +264,7 @@ class LeastSquaresFit {
                                          const VecX& scaled) const {
     if (!starts_differ(*problem)) return problem;
     return std::make_shared<const Problem>(problem->with_trials(
-        with_settled_starts(problem->trials(), problem->fabric(scaled), options_.threads)));
+        with_settled_starts_stored(*problem, problem->fabric(scaled), options_.threads, store_)));
   }
 
   /// Starts of the best candidate, and with it of those that have the same.

@@ -1,10 +1,12 @@
-#include "weft/estimate/stored_descent.h"
+#include "weft/estimate/stored_search.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <string>
 
+#include "weft/estimate/choose_start.h"
+#include "weft/estimate/content_hash.h"
 #include "weft/estimate/packed_numbers.h"
 
 namespace weft {
@@ -62,6 +64,36 @@ Found through(EvaluationStore* store, const char* kind, const Problem& problem, 
   return found;
 }
 
+using Trials = std::vector<std::shared_ptr<const Trial>>;
+
+/// Of each trial whether it has another start, and which: replayed where the problem was asked with
+/// the same other starts, else what `find` makes of its trials. `change` gives a trial a start.
+Trials starts_through(EvaluationStore* store, const char* kind, const Problem& problem,
+                      const Fabric& fabric, int frame_count, const auto& find, const auto& change) {
+  const Trials& before = problem.trials();
+  if (!store) return find(before);
+  ContentHash others;
+  for (const auto& trial : before)
+    for (const Points& start : trial->other_starts) others.add(start);
+  const std::string key = fmt::format("{}, others {}", kind, others.hex());
+  if (const auto numbers = store->find_numbers(problem, fabric, frame_count, key)) {
+    NumberReader reader(*numbers);
+    Trials found = before;
+    for (auto& trial : found)
+      if (reader.number() != 0)
+        trial = change(trial, Points(reader.matrix(3, trial->scene.start.cols())));
+    return found;
+  }
+  Trials found = find(before);
+  NumberWriter writer;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    writer.add(found[i] == before[i] ? 0 : 1);
+    if (found[i] != before[i]) writer.add(found[i]->scene.start);
+  }
+  store->add_numbers(problem, fabric, frame_count, key, writer.numbers());
+  return found;
+}
+
 }  // namespace
 
 StoredCost evaluate_cost_stored(const Problem& problem, const VecX& scaled,
@@ -102,6 +134,22 @@ StoredLinearization linearize_stored(const Problem& problem, const VecX& scaled,
         writer.add(found.model.gradient);
         writer.add(found.model.hessian);
       });
+}
+
+Trials with_starts_for_stored(const Problem& problem, const Fabric& fabric, int frame_count,
+                              int threads, EvaluationStore* store) {
+  return starts_through(
+      store, "suited starts", problem, fabric, frame_count,
+      [&](const Trials& trials) { return with_starts_for(trials, fabric, frame_count, threads); },
+      with_start_beside_own);
+}
+
+Trials with_settled_starts_stored(const Problem& problem, const Fabric& fabric, int threads,
+                                  EvaluationStore* store) {
+  return starts_through(
+      store, "settled starts", problem, fabric, 0,
+      [&](const Trials& trials) { return with_settled_starts(trials, fabric, threads); },
+      with_start);
 }
 
 }  // namespace weft
