@@ -270,7 +270,7 @@ void print_result(const FitResult& fit, const Report& report,
 }
 
 EvaluationStore open_store(const std::filesystem::path& out, const Problem& problem) {
-  EvaluationStore store(out / kStoreName);
+  EvaluationStore store(out / kStoreName, "weft " WEFT_VERSION);
   if (store.count() > 0 && store.count(problem) == 0) {
     throw Error(
         fmt::format("{}: holds {} of another run (other captures, or other options of simulating "

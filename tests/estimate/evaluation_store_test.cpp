@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -52,6 +53,27 @@ TEST_F(EvaluationStoreTest, GivesBackExactlyWhatWasPutIn) {
   EXPECT_EQ(diverged->error, lost.error);
   EXPECT_TRUE(diverged->diverged);
   EXPECT_EQ(store.count(problem_), 2u);
+}
+
+TEST_F(EvaluationStoreTest, KeepsNumbersByKeyAndProgram) {
+  const Fabric fabric = problem_.initial();
+  const VecX put = (VecX(3) << 1.0 / 3, -0.0, std::numeric_limits<double>::infinity()).finished();
+  const auto path = folder_ / "evaluations.sqlite";
+  {
+    EvaluationStore store(path, "weft 1");
+    EXPECT_FALSE(store.find_numbers(problem_, fabric, 0, "cost"));
+    store.add_numbers(problem_, fabric, 0, "cost", put);
+    store.add_numbers(problem_, fabric, 0, "cost", VecX::Zero(1));  // the first ones stay
+  }
+  const EvaluationStore store(path, "weft 1");
+  const auto found = store.find_numbers(problem_, fabric, 0, "cost");
+  ASSERT_TRUE(found);
+  EXPECT_EQ(*found, put);
+  EXPECT_TRUE(std::signbit((*found)[1]));
+  EXPECT_FALSE(store.find_numbers(problem_, fabric, 0, "linearization"));
+  EXPECT_FALSE(store.find_numbers(problem_, fabric, 1, "cost"));
+  EXPECT_FALSE(EvaluationStore(path, "weft 2").find_numbers(problem_, fabric, 0, "cost"));
+  EXPECT_EQ(store.count(), 0u) << "numbers are no evaluations";
 }
 
 TEST_F(EvaluationStoreTest, TellsTheSmallestDifferenceApart) {

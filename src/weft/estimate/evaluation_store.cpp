@@ -50,8 +50,8 @@ std::string parameters_text(const Fabric& fabric) {
 }  // namespace
 
 struct EvaluationStore::Impl {
-  explicit Impl(const std::filesystem::path& path)
-      : database(path, "store of evaluations", {kSchema, kVersion}) {}
+  Impl(const std::filesystem::path& path, std::string_view whose)
+      : program(whose), database(path, "store of evaluations", {kSchema, kVersion}) {}
 
   static void bind_key(detail::Statement& statement, const Problem& problem, const Fabric& fabric,
                        int frame_count) {
@@ -68,6 +68,13 @@ struct EvaluationStore::Impl {
     return count;
   }
 
+  void bind_numbers(detail::Statement& statement, const Problem& problem, const Fabric& fabric,
+                    int frame_count, std::string_view key) const {
+    bind_key(statement, problem, fabric, frame_count);
+    statement.bind(5, program.empty() ? std::string(key) : fmt::format("{}: {}", program, key));
+  }
+
+  std::string program;
   detail::Database database;
   detail::Statement select = database.prepare(
       "SELECT error, error_per_frame, fold, silhouette, diverged, wall_s FROM evaluation "
@@ -88,8 +95,8 @@ struct EvaluationStore::Impl {
   std::mutex mutex;
 };
 
-EvaluationStore::EvaluationStore(const std::filesystem::path& path)
-    : impl_(std::make_unique<Impl>(path)) {}
+EvaluationStore::EvaluationStore(const std::filesystem::path& path, std::string_view program)
+    : impl_(std::make_unique<Impl>(path, program)) {}
 EvaluationStore::~EvaluationStore() = default;
 EvaluationStore::EvaluationStore(EvaluationStore&&) noexcept = default;
 
@@ -128,8 +135,7 @@ void EvaluationStore::add(const Problem& problem, const Fabric& fabric, int fram
 std::optional<VecX> EvaluationStore::find_numbers(const Problem& problem, const Fabric& fabric,
                                                   int frame_count, std::string_view key) const {
   const std::lock_guard lock(impl_->mutex);
-  Impl::bind_key(impl_->select_numbers, problem, fabric, frame_count);
-  impl_->select_numbers.bind(5, key);
+  impl_->bind_numbers(impl_->select_numbers, problem, fabric, frame_count, key);
   std::optional<VecX> found;
   impl_->select_numbers.run([&](const detail::Row& row) { found = row.numbers(0); });
   return found;
@@ -138,8 +144,7 @@ std::optional<VecX> EvaluationStore::find_numbers(const Problem& problem, const 
 void EvaluationStore::add_numbers(const Problem& problem, const Fabric& fabric, int frame_count,
                                   std::string_view key, const VecX& numbers) {
   const std::lock_guard lock(impl_->mutex);
-  Impl::bind_key(impl_->insert_numbers, problem, fabric, frame_count);
-  impl_->insert_numbers.bind(5, key);
+  impl_->bind_numbers(impl_->insert_numbers, problem, fabric, frame_count, key);
   impl_->insert_numbers.bind(6, numbers);
   impl_->insert_numbers.run();
 }

@@ -15,8 +15,10 @@ namespace weft {
 /// processes.
 class EvaluationStore {
  public:
-  /// Opens or creates. Throws Error if `path` cannot be written or is not such a file.
-  explicit EvaluationStore(const std::filesystem::path& path);
+  /// Opens or creates. `program`, with its version, is whose numbers (below) are found and added:
+  /// another one's search goes other ways. Throws Error if `path` cannot be written or is not such
+  /// a file.
+  explicit EvaluationStore(const std::filesystem::path& path, std::string_view program = {});
   ~EvaluationStore();
   EvaluationStore(EvaluationStore&&) noexcept;
 
