@@ -55,6 +55,7 @@ struct FitArguments {
   std::optional<std::size_t> iterations;
   std::optional<double> simplex;
   int hops = AutoFitOptions().least_squares.hops.rounds;
+  int searches = AutoFitOptions().searches;
   int coarse_frames = 1;
   int coarse_levels = 4;
   std::uint64_t seed = 1;
@@ -106,6 +107,7 @@ AutoFitOptions auto_options(const FitArguments& arguments) {
   HopOptions& hops = options.least_squares.hops;
   hops.rounds = arguments.hops;
   hops.patience = std::max(hops.patience, arguments.hops / 4);
+  options.searches = arguments.searches;
   options.least_squares.seed = arguments.seed;
   options.least_squares.start_seed = arguments.start_seed;
   options.least_squares.threads = arguments.trial.threads();
@@ -216,6 +218,7 @@ std::vector<std::pair<std::string, ReportValue>> settings(const FitArguments& ar
                         fmt::format("{}", arguments.start_seed.value_or(arguments.seed)));
   if (arguments.method == "auto")
     values.emplace_back("hops", static_cast<std::int64_t>(arguments.hops));
+  values.emplace_back("searches", static_cast<std::int64_t>(arguments.searches));
   if (arguments.method == "annealing") {
     values.insert(values.end(),
                   {{"coarse parameters", fmt::format("{}", fmt::join(arguments.coarse, ", "))},
@@ -260,6 +263,9 @@ void print_result(const FitResult& fit, const Report& report,
       "diverged) in {:.1f} s\n",
       fit.final.error, fit.initial.error, fit.evaluations, fit.replayed, fit.diverged, fit.wall_s);
   fmt::print("{}", prior_line(report, fit.prior_weight));
+  for (const ReportSearch& search : report.searches)
+    fmt::print("search with seed {}: error {:.5g}{}\n", search.seed, search.error,
+               search.kept ? ", kept" : "");
   for (std::size_t i = 0; i < evaluations.size(); ++i) {
     const CaptureEvaluation& e = evaluations[i];
     fmt::print("{}: error per frame {:.5g} (fit frames)", report.captures[i].name, e.fit.error);
@@ -500,8 +506,9 @@ void run_fit(const FitArguments& arguments) {
 }
 
 const std::vector<std::string> kVideoFitOptions{
-    "--method",     "--coarse",  "--coarse-levels", "--coarse-frames",  "--hops",
-    "--iterations", "--simplex", "--start-seed",    "--no-variability", "--variability-curves"};
+    "--method",     "--coarse",         "--coarse-levels",     "--coarse-frames",
+    "--hops",       "--searches",       "--iterations",        "--simplex",
+    "--start-seed", "--no-variability", "--variability-curves"};
 
 void run_mechanical(const FitArguments& arguments, const CLI::App& command) {
   refuse_options(command, kVideoFitOptions, "mechanical captures");
@@ -640,6 +647,12 @@ void add_search_options(CLI::App& command, FitArguments& arguments) {
       ->check(integer_in(0, 100000))
       ->capture_default_str();
   command
+      .add_option("--searches", arguments.searches,
+                  "whole ones, with --seed and the seeds after it; the best is kept, and what the "
+                  "others found is told (--method auto)")
+      ->check(integer_in(1, 1000))
+      ->capture_default_str();
+  command
       .add_option("--iterations", arguments.iterations,
                   "evaluations of the annealing (default: 0 with auto, 600 with annealing)")
       ->check(integer_in(0, 10000000));
@@ -669,8 +682,10 @@ void check_together(const CLI::App& command, const FitArguments& arguments) {
   }
   if (arguments.method == "annealing" && arguments.iterations == 0)
     throw Error("--iterations: 0, with --method annealing 1 to 10000000");
-  if (arguments.method != "auto" && command.count("--hops") > 0)
-    throw Error("--hops: only with --method auto");
+  for (const char* name : {"--hops", "--searches"}) {
+    if (arguments.method != "auto" && command.count(name) > 0)
+      throw Error(fmt::format("{}: only with --method auto", name));
+  }
   if (arguments.start != "random" && command.count("--start-seed") > 0)
     throw Error("--start-seed: only with --start random");
   if (arguments.no_variability && arguments.variability_curves)
@@ -708,7 +723,7 @@ void add_fit(CLI::App& app) {
   command->add_flag_callback(
       "--extend", [arguments] { arguments->existing = Existing::extend; },
       "replace an earlier result, but make none of its evaluations again: for more hops, "
-      "iterations or random starts than it had");
+      "searches, iterations or random starts than it had");
   arguments->trial.add_to(*command);
   arguments->mechanical.add_to(*command);
   arguments->curves.add_to(*command);

@@ -268,6 +268,14 @@ Report report_of_fit(const Problem& problem, const FitResult& fit,
     report.history.push_back(
         {step.evaluation, step.phase, step.error, step.best, step.temperature});
   }
+  for (const SearchEnd& end : fit.searches) {
+    ReportSearch& search = report.searches.emplace_back();
+    search.seed = end.seed;
+    search.error = end.error;
+    search.evaluations = end.evaluations;
+    search.kept = end.fabric.values == fit.fabric.values;
+    search.values.assign(end.fabric.values.begin(), end.fabric.values.end());
+  }
   for (const PerturbationCurve& curve : fit.variability) {
     report.perturbations.push_back(report_perturbation(curve));
   }

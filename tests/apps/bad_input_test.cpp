@@ -377,6 +377,10 @@ TEST_F(BadInput, Options) {
   EXPECT_THAT(
       refusal({"fit", capture(), "--out", path("out"), "--method", "annealing", "--hops", "1"}),
       HasSubstr("--hops: only with --method auto"));
+  EXPECT_THAT(fit("--searches", "0"), AllOf(HasSubstr("--searches"), HasSubstr("1 to")));
+  EXPECT_THAT(
+      refusal({"fit", capture(), "--out", path("out"), "--method", "annealing", "--searches", "2"}),
+      HasSubstr("--searches: only with --method auto"));
   EXPECT_THAT(fit("--start-seed", "2"), HasSubstr("--start-seed: only with --start random"));
   EXPECT_THAT(fit("--coarse-levels", "0"), HasSubstr("--coarse-levels"));
   EXPECT_THAT(fit("--steps-per-frame", "0"), HasSubstr("--steps-per-frame"));

@@ -408,6 +408,53 @@ TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
   EXPECT_EQ(run_auto_fit(problem(), options).scaled, descent.scaled);
 }
 
+TEST_F(LinearizeTest, OfSeveralSearchesTheBestIsKept) {
+  AutoFitOptions options;
+  options.least_squares = small_fit();
+  options.least_squares.stages = {{2, 1, 1, 3, 1, 0.05}};
+  options.least_squares.start = FitOptions::Start::random;
+  options.least_squares.screening_points = 0;
+  options.least_squares.hops.rounds = 0;
+  options.searches = 3;
+  std::vector<std::string> phases;
+  const FitResult best = run_auto_fit(problem(), options, nullptr, [&](const FitProgress& p) {
+    phases.push_back(p.step.phase);
+    return true;
+  });
+  ASSERT_EQ(best.searches.size(), 3u);
+  EXPECT_TRUE(phases.front().starts_with("search 1 of 3: "));
+  EXPECT_TRUE(phases.back().starts_with("search 3 of 3: "));
+  double least = kInfinity;
+  std::size_t evaluations = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const SearchEnd& end = best.searches[k];
+    options.searches = 1;
+    options.least_squares.seed = end.seed;
+    const FitResult alone = run_auto_fit(problem(), options);
+    EXPECT_EQ(end.error, alone.final.error);
+    EXPECT_EQ(end.fabric.values, alone.fabric.values);
+    EXPECT_EQ(end.evaluations, alone.evaluations);
+    least = std::min(least, end.error);
+    evaluations += end.evaluations;
+  }
+  EXPECT_EQ(best.final.error, least);
+  EXPECT_EQ(best.final.error, evaluate(problem(), best.fabric).error);
+  EXPECT_EQ(best.evaluations, evaluations);
+  ASSERT_EQ(best.history.size(), evaluations);
+  for (std::size_t i = 0; i < evaluations; ++i) EXPECT_EQ(best.history[i].evaluation, i + 1);
+  options.searches = 0;
+  EXPECT_THROW(run_auto_fit(problem(), options), Error);
+
+  // Stopped in the second one: the best of both.
+  options.searches = 3;
+  options.least_squares.seed = 1;
+  const FitResult stopped = run_auto_fit(problem(), options, nullptr, [](const FitProgress& p) {
+    return !p.step.phase.starts_with("search 2");
+  });
+  EXPECT_TRUE(stopped.stopped);
+  EXPECT_EQ(stopped.searches.size(), 2u);
+}
+
 TEST_F(LinearizeTest, AFitStopsWhenToldTo) {
   int seen = 0;
   const FitResult result = run_least_squares_fit(problem(), small_fit(), nullptr,

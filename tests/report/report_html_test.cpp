@@ -97,6 +97,20 @@ TEST(ReportHtml, ParametersWithVariabilityAndStatus) {
   EXPECT_TRUE(contains(html, "class=\"estimate\" style=\"left:50.10%\""));
 }
 
+TEST(ReportHtml, SearchesSideBySide) {
+  Report report = sample_report();
+  const std::string html = report_to_html(report, {});
+  EXPECT_TRUE(contains(html, "<th class=\"n\">18446744073709551615, kept</th>"));
+  EXPECT_TRUE(contains(html, "<th class=\"n\">7</th>"));
+  const auto table = pieces(html.substr(html.find("<h3>Searches</h3>")), "<tr>", "</tr>");
+  ASSERT_EQ(table.size(), 5u);  // seeds, error, and the three that are searched
+  EXPECT_TRUE(contains(table[1], "∞"));
+  EXPECT_TRUE(contains(table[2], "▲ 1.00×10⁻⁷"));
+  EXPECT_FALSE(contains(table[3], "▲")) << "an unbounded interval holds all";
+  report.searches.clear();
+  EXPECT_FALSE(contains(report_to_html(report, {}), "Searches"));
+}
+
 TEST(ReportHtml, SectionsWithoutContentAreLeftOut) {
   const std::string html = report_to_html({});
   for (const char* id : {"measured", "found", "match", "sure", "search", "matrix"}) {

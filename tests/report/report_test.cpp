@@ -23,6 +23,7 @@ Report sound_report() {
   report.diverged = 0;
   report.parameters.resize(1);
   report.remarks.clear();
+  report.searches.clear();
   return report;
 }
 
@@ -94,6 +95,23 @@ TEST(ReportWarnings, SearchesThatDidNotGetAnywhere) {
   EXPECT_THAT(report_warnings(report), Contains(HasSubstr("hardly improved")));
   report.error = infinity;
   EXPECT_THAT(report_warnings(report), Contains(HasSubstr("there is no estimate")));
+}
+
+TEST(ReportWarnings, SearchesThatDisagree) {
+  Report report = sound_report();  // one parameter, its interval 0.9 to 1.2 of its value
+  const double value = report.parameters[0].value;
+  report.searches = {{1, 0.100, 5, true, {value}}, {2, 0.104, 5, false, {1.19 * value}}};
+  EXPECT_TRUE(report_warnings(report).empty());
+  report.searches.push_back({3, 0.105, 5, false, {2 * value}});
+  report.searches.push_back({4, 0.2, 5, false, {0.1 * value}});
+  EXPECT_THAT(report_warnings(report),
+              Contains("3 of 4 searches ended within 5 % of the least error, with bend_stiffness "
+                       "3.2×10⁻⁵ to 6.4×10⁻⁵ N·m: beyond the 90 % interval, which tells of what is "
+                       "near the estimate alone."));
+  EXPECT_EQ(range_in_searches(report, 0), (std::pair{value, 2 * value}));
+  report.searches[1].error = report.searches[2].error = infinity;
+  EXPECT_THAT(report_warnings(report), Contains(HasSubstr("Of 4 searches no other ended within")));
+  EXPECT_EQ(range_in_searches(report, 0), (std::pair{value, value}));
 }
 
 TEST(ReportWarnings, CapturesWithGuessedStartsAndPoorValidation) {

@@ -37,6 +37,27 @@ std::string changed(const std::function<void(json&)>& change) {
   return parsed.dump();
 }
 
+TEST(Result, SearchesComeBack) {
+  const json file = json::parse(result_to_json(sample_report()));
+  ASSERT_EQ(file["searches"].size(), 2u);
+  EXPECT_EQ(file["searches"][0]["seed"], 18446744073709551615u);
+  EXPECT_EQ(file["searches"][0]["kept"], true);
+  EXPECT_EQ(file["searches"][1]["error_not_finite"], "infinity");
+  EXPECT_EQ(file["searches"][1]["values"]["drag_linear"], 0.5);
+  const Report back = result_from_json(result_to_json(sample_report()), "result.json");
+  ASSERT_EQ(back.searches.size(), 2u);
+  EXPECT_EQ(back.searches[1].seed, 7u);
+  EXPECT_EQ(back.searches[1].error, infinity);
+  EXPECT_EQ(back.searches[1].evaluations, 15u);
+  EXPECT_FALSE(back.searches[1].kept);
+  EXPECT_EQ(back.searches[1].values, (std::vector<double>{1e-7, 0, 0.5, 1e-7}));
+  EXPECT_THAT(error_of(changed([](json& j) { j["searches"][1]["values"].erase("drag_linear"); })),
+              HasSubstr("drag_linear"));
+  // One search has none to compare with.
+  EXPECT_TRUE(result_from_json(changed([](json& j) { j.erase("searches"); }), "result.json")
+                  .searches.empty());
+}
+
 TEST(Result, CertaintyComesBackWithWhatIsNotFinite) {
   Report report = sample_report();
   report.certainty->condition = infinity;

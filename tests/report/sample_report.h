@@ -113,6 +113,8 @@ inline Report sample_report() {
                     {3, "coarse", 3, 3, 0},      {4, "anneal", 9, 9, 1},
                     {5, "anneal", inf, 9, 0.5},  {6, "anneal", 7, 7, 0.25},
                     {7, "anneal", 7.5, 7, 0.125}};
+  report.searches = {{18446744073709551615u, report.error, 25, true, {3.2e-5, 3.2e-5, 10, 3.2e-5}},
+                     {7, inf, 15, false, {1e-7, 0, 0.5, 1e-7}}};
   ReportPerturbation perturbation;
   perturbation.parameter = "bend_stiffness";
   perturbation.relative = {-0.1, 0, 0.1};

@@ -61,6 +61,14 @@ struct FitProgress {
 /// weft::interrupted() does.
 using FitObserver = std::function<bool(const FitProgress&)>;
 
+/// Where one of several whole searches ended.
+struct SearchEnd {
+  std::uint64_t seed = 0;
+  Fabric fabric;
+  double error = 0;             ///< ProblemEvaluation::error of it
+  std::size_t evaluations = 0;  ///< of this search
+};
+
 struct FitResult {
   /// What the fabrics were compared with: the problem's trials, with the starts that suited the
   /// fabric found so far where the method chooses them (run_least_squares_fit).
@@ -81,6 +89,7 @@ struct FitResult {
   /// (HopOptions::patience rounds; run_least_squares_fit): more may take off more. 0: fruitless
   /// ones ended them, or there were none.
   double hop_gain = 0;
+  std::vector<SearchEnd> searches;  ///< in order (AutoFitOptions::searches); empty: there was one
   std::vector<FitStep> history;
   std::vector<PerturbationCurve> variability;  ///< empty if not asked for, or stopped before
   std::size_t evaluations = 0;                 ///< asked for, all phases (variability included)

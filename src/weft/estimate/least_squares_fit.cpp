@@ -595,6 +595,51 @@ void take_better_starts(const Problem& problem, int threads, FitResult& result) 
   add_trials(threads, result);
 }
 
+/// Numbered on from the `before` evaluations of earlier searches, the k-th of `count` named.
+FitObserver told_of_search(const FitObserver& observer, int k, int count, std::size_t before) {
+  if (!observer) return {};
+  return [&observer, k, count, before](FitProgress progress) {
+    progress.step.phase = fmt::format("search {} of {}: {}", k + 1, count, progress.step.phase);
+    progress.step.evaluation += before;
+    return observer(progress);
+  };
+}
+
+/// The best of all searches, with the history and the counts of all.
+FitResult search_repeatedly(const Problem& problem, const AutoFitOptions& options,
+                            EvaluationStore* store, const FitObserver& observer) {
+  if (options.searches < 1) throw Error("searches must be at least 1");
+  LeastSquaresFitOptions one = options.least_squares;
+  if (options.searches == 1) return LeastSquaresFit(problem, one, store, observer).run();
+  FitResult kept, all;
+  for (int k = 0; k < options.searches && !all.stopped; ++k) {
+    one.seed = options.least_squares.seed + static_cast<std::uint64_t>(k);
+    const FitObserver told = told_of_search(observer, k, options.searches, all.evaluations);
+    FitResult found = LeastSquaresFit(problem, one, store, told).run();
+    for (FitStep& step : found.history) {
+      step.evaluation += all.evaluations;
+      all.history.push_back(std::move(step));
+    }
+    all.searches.push_back({one.seed, found.fabric, found.final.error, found.evaluations});
+    all.evaluations += found.evaluations;
+    all.replayed += found.replayed;
+    all.diverged += found.diverged;
+    all.wall_s += found.wall_s;
+    all.stopped = found.stopped;
+    if (k == 0 || found.final.error + found.prior_error < kept.final.error + kept.prior_error)
+      kept = std::move(found);
+  }
+  kept.history = std::move(all.history);
+  kept.searches = std::move(all.searches);
+  kept.evaluations = all.evaluations;
+  kept.replayed = all.replayed;
+  kept.diverged = all.diverged;
+  kept.wall_s = all.wall_s;
+  kept.stopped = all.stopped;
+  kept.seed = options.least_squares.seed;
+  return kept;
+}
+
 }  // namespace
 
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options,
@@ -612,7 +657,7 @@ AutoFitOptions::AutoFitOptions() {
 
 FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
                        EvaluationStore* store, const FitObserver& observer) {
-  FitResult descent = LeastSquaresFit(problem, options.least_squares, store, observer).run();
+  FitResult descent = search_repeatedly(problem, options, store, observer);
   const bool can_anneal = !descent.stopped && std::isfinite(descent.final.error);
   if (!can_anneal || options.annealing.annealing.max_evaluations == 0) {
     add_trials(options.least_squares.threads, descent);
@@ -626,6 +671,7 @@ FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
   annealing.prior_weight = descent.prior_weight;
   FitResult result = run_fit(from_there, annealing, store, observer);
   result.initial = descent.initial;
+  result.searches = std::move(descent.searches);
   const std::size_t before = descent.history.size();
   for (FitStep& step : result.history) {
     step.evaluation += before;

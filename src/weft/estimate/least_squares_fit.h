@@ -89,7 +89,8 @@ struct LeastSquaresFitOptions {
 FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOptions& options = {},
                                 EvaluationStore* store = nullptr, const FitObserver& observer = {});
 
-/// Least squares, hops, then annealing from there, if it is asked for. Where cloth snaps from one
+/// Least squares and hops, as often as is asked for, then annealing from the best end, if it is
+/// asked for. Where cloth snaps from one
 /// shape to another the error of a long motion is rough at a scale far below what the data resolve,
 /// and a descent ends in the first dent; what hops do about it annealing in a small simplex does
 /// more slowly.
@@ -97,12 +98,17 @@ struct AutoFitOptions {
   AutoFitOptions();  ///< sets hops to 4 rounds, and annealing to 0 evaluations in a simplex of 0.1
 
   LeastSquaresFitOptions least_squares;
+  /// Whole ones, one after the other, with the seeds that follow; the best is kept. >= 1. Each ends
+  /// in a dent of the error, not seldom of another valley: what several agree on is more than what
+  /// the derivatives at one end say.
+  int searches = 1;
   /// Its start and coarse search are overwritten; annealing.max_evaluations 0: no annealing.
   FitOptions annealing;
 };
 /// Starts that suit the annealing's end better are taken where they lower the error.
-/// History and counts are those of both parts together; FitResult::start is where least squares
-/// ended. Throws what run_least_squares_fit() and run_fit() throw.
+/// History and counts are those of all parts together; FitResult::start is where the least squares
+/// that were kept ended. Throws what run_least_squares_fit() and run_fit() throw, and Error for
+/// searches out of range.
 FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options = {},
                        EvaluationStore* store = nullptr, const FitObserver& observer = {});
 

@@ -95,7 +95,57 @@ void warn_of_captures(const Report& report, std::vector<std::string>& warnings) 
   }
 }
 
+bool is_near_the_least(const Report& report, const ReportSearch& search) {
+  double least = kInfinity;
+  for (const ReportSearch& s : report.searches) least = std::min(least, s.error);
+  return search.error <= (1 + near_the_least) * least;
+}
+
+void warn_of_searches(const Report& report, std::vector<std::string>& warnings) {
+  if (report.searches.size() < 2) return;
+  const auto near = std::ranges::count_if(
+      report.searches, [&](const ReportSearch& s) { return is_near_the_least(report, s); });
+  if (near == 1) {
+    warnings.push_back(
+        fmt::format("Of {} searches no other ended within {:.0f} % of the least error: a further "
+                    "one may find a lower one.",
+                    report.searches.size(), 100 * near_the_least));
+    return;
+  }
+  std::vector<std::string> wide;
+  for (std::size_t i = 0; i < report.parameters.size(); ++i) {
+    const ReportParameter& p = report.parameters[i];
+    const auto [least, largest] = range_in_searches(report, i);
+    if (!is_searched(p) || (in_interval(p, least) && in_interval(p, largest))) continue;
+    wide.push_back(
+        fmt::format("{} {} to {}{}", p.name, format_short(least), format_short(largest), bare(p)));
+  }
+  if (wide.empty()) return;
+  warnings.push_back(fmt::format(
+      "{} of {} searches ended within {:.0f} % of the least error, with {}: beyond the 90 % "
+      "interval{} of what is near the estimate alone.",
+      near, report.searches.size(), 100 * near_the_least, listed(wide),
+      wide.size() == 1 ? ", which tells" : "s, which tell"));
+}
+
 }  // namespace
+
+bool in_interval(const ReportParameter& parameter, double value) {
+  if (!parameter.interval_lower || !parameter.interval_upper) return true;
+  constexpr double kSame = 1e-3;
+  const double lower = *parameter.interval_lower, upper = *parameter.interval_upper;
+  return value >= lower - kSame * std::abs(lower) && value <= upper + kSame * std::abs(upper);
+}
+
+std::pair<double, double> range_in_searches(const Report& report, std::size_t index) {
+  std::pair range{report.parameters[index].value, report.parameters[index].value};
+  for (const ReportSearch& search : report.searches) {
+    if (!is_near_the_least(report, search)) continue;
+    range.first = std::min(range.first, search.values[index]);
+    range.second = std::max(range.second, search.values[index]);
+  }
+  return range;
+}
 
 bool is_of_prior(const ReportParameter& parameter) {
   return !parameter.determined && parameter.prior_median && parameter.interval_upper &&
@@ -155,6 +205,7 @@ std::vector<std::string> report_warnings(const Report& report) {
                                    report.diverged, report.evaluations));
   }
   warn_of_captures(report, warnings);
+  warn_of_searches(report, warnings);
   warnings.insert(warnings.end(), report.remarks.begin(), report.remarks.end());
   return warnings;
 }

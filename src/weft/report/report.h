@@ -108,6 +108,18 @@ struct ReportHistoryPoint {
   double temperature = 0;      ///< 0 where there is none
 };
 
+/// Where one of several whole searches ended.
+struct ReportSearch {
+  std::uint64_t seed = 0;
+  double error = 0;
+  std::size_t evaluations = 0;
+  bool kept = false;           ///< its end is the estimate
+  std::vector<double> values;  ///< one for each of Report::parameters
+};
+/// Searches that ended within this part above the least error count as near it: so much of an
+/// error is luck with where a descent ends.
+inline constexpr double near_the_least = 0.05;
+
 /// Error about the estimate when one parameter changes (Bhat 2003, Fig. 4).
 struct ReportPerturbation {
   std::string parameter;
@@ -159,6 +171,7 @@ struct Report {
   std::optional<ReportCertainty> certainty;  ///< nothing where it was not computed
   std::vector<ReportCapture> captures;
   std::vector<ReportHistoryPoint> history;
+  std::vector<ReportSearch> searches;  ///< empty: there was one
   std::vector<ReportPerturbation> perturbations;
   std::vector<ReportSurface> surfaces;
   std::optional<ReportMatrix> matrix;
@@ -184,11 +197,19 @@ std::optional<ReportMeans> report_means(const ReportCapture& capture, ReportFram
 /// stopped early, errors that did not fall, parameters that the data do not determine, parameters
 /// at a bound (both without those that are tied to another), a condition number above
 /// largest_condition, simulations that diverged, guessed starts, validation frames that fit much
-/// worse; then `remarks`.
+/// worse; several searches that disagree; then `remarks`.
 std::vector<std::string> report_warnings(const Report& report);
 
 /// Whether value and interval are the prior's: the data do not determine it.
 bool is_of_prior(const ReportParameter& parameter);
+
+/// Whether the value is inside of the 90 % interval of the parameter, to a thousandth; true where
+/// there is none.
+bool in_interval(const ReportParameter& parameter, double value);
+
+/// The least and the largest value of parameter `index` in the searches that ended near the least
+/// error; the estimate twice without searches.
+std::pair<double, double> range_in_searches(const Report& report, std::size_t index);
 
 /// Whether it is one of the numbers that were searched: free, and not tied to another.
 bool is_searched(const ReportParameter& parameter);

@@ -504,14 +504,42 @@ std::string condition_text(const ReportCertainty& certainty) {
           : "");
 }
 
+/// A column for each search, the one that was kept marked.
+std::string searches_table(const Report& report) {
+  if (report.searches.empty()) return "";
+  std::string html =
+      "<h3>Searches</h3>\n<p class=\"minor\">Whole searches with other draws. A value with ▲ lies "
+      "outside of the 90 % interval, which tells of what is near the estimate alone.</p>\n"
+      "<div class=\"plot\"><div class=\"scroll\"><table><thead><tr><th>Seed</th>";
+  for (const ReportSearch& search : report.searches)
+    html += fmt::format("<th class=\"n\">{}{}</th>", search.seed, search.kept ? ", kept" : "");
+  html += "<th>Unit</th></tr></thead><tbody>\n";
+  const auto row = [&](const std::string& name, const std::string& unit, const auto& text) {
+    html += "<tr>" + cell("", "<b>" + escaped(in_words(name)) + "</b>", "lead");
+    for (const ReportSearch& search : report.searches)
+      html += cell(std::to_string(search.seed), text(search), "n");
+    html += cell("Unit", escaped(format_unit(unit))) + "</tr>\n";
+  };
+  row("error", "", [](const ReportSearch& s) { return format_value(s.error); });
+  for (std::size_t i = 0; i < report.parameters.size(); ++i) {
+    const ReportParameter& p = report.parameters[i];
+    if (!is_searched(p)) continue;
+    row(p.name, p.unit, [&](const ReportSearch& s) {
+      return (in_interval(p, s.values[i]) ? "" : "▲ ") + format_value(s.values[i], 3);
+    });
+  }
+  return html + "</tbody></table></div></div>\n";
+}
+
 std::string sure_section(const Report& report, const MechanicalReport& mechanical,
                          PlotPlacer& place) {
   BarChart chart = variability_chart(report.parameters);
   if (chart.bars.empty() && report.perturbations.empty() && report.surfaces.empty() &&
-      !report.certainty && mechanical.responses.empty())
+      !report.certainty && report.searches.empty() && mechanical.responses.empty())
     return "";
   std::string html = "<section id=\"sure\"><h2>How sure</h2>\n";
   if (report.certainty) html += condition_text(*report.certainty);
+  html += searches_table(report);
   html += "<div class=\"figures\">\n";
   if (report.certainty && report.certainty->parameters.size() > 1) {
     HeatMap map = correlation_map(*report.certainty);

@@ -175,6 +175,23 @@ Json json_of(const ReportCapture& capture) {
   return object;
 }
 
+Json json_of(const std::vector<ReportSearch>& searches,
+             const std::vector<ReportParameter>& parameters) {
+  Json array = Json::array();
+  for (const ReportSearch& search : searches) {
+    Json object;
+    object["seed"] = search.seed;
+    put(object, "error", search.error);
+    object["evaluations"] = search.evaluations;
+    object["kept"] = search.kept;
+    object["values"] = Json::object();
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+      put(object["values"], parameters[i].name, search.values[i]);
+    array.push_back(std::move(object));
+  }
+  return array;
+}
+
 Json json_of(const std::vector<ReportHistoryPoint>& history) {
   Json object;
   object["evaluation"] = column(history, &ReportHistoryPoint::evaluation);
@@ -531,6 +548,17 @@ std::vector<ReportHistoryPoint> history_from(const Reader& in) {
   return history;
 }
 
+ReportSearch search_from(const Reader& in, const std::vector<ReportParameter>& parameters) {
+  ReportSearch search;
+  in.get("seed", search.seed);
+  in.get("error", search.error);
+  in.get("evaluations", search.evaluations);
+  in.get("kept", search.kept);
+  const Reader values = in.object("values");
+  for (const ReportParameter& p : parameters) values.get(p.name, search.values.emplace_back());
+  return search;
+}
+
 ReportPerturbation perturbation_from(const Reader& in) {
   ReportPerturbation p;
   in.get("parameter", p.parameter);
@@ -626,6 +654,7 @@ std::string result_to_json(const Report& report) {
   json["certainty"] = json_of(report.certainty);
   json["captures"] = array_of(report.captures);
   json["history"] = json_of(report.history);
+  if (!report.searches.empty()) json["searches"] = json_of(report.searches, report.parameters);
   json["perturbations"] = array_of(report.perturbations);
   json["surfaces"] = array_of(report.surfaces);
   json["matrix"] = report.matrix ? json_of(*report.matrix) : Json(nullptr);
@@ -669,6 +698,9 @@ Report result_from_json(std::string_view text, const std::filesystem::path& name
     report.captures.push_back(capture_from(capture));
   }
   report.history = history_from(in.object("history"));
+  if (in.has("searches"))
+    for (const Reader& search : in.objects("searches"))
+      report.searches.push_back(search_from(search, report.parameters));
   for (const Reader& p : in.objects("perturbations")) {
     report.perturbations.push_back(perturbation_from(p));
   }
