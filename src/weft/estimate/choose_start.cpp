@@ -149,7 +149,7 @@ std::shared_ptr<const Trial> with_start_for(std::shared_ptr<const Trial> trial,
       errors_of(*trial, starts, fabric, std::max(fit_frames, 1), threads);
   const auto best = static_cast<std::size_t>(std::ranges::min_element(errors) - errors.begin());
   if (!(errors[best] < kLowered * errors.front())) return trial;
-  return with_start_beside_own(std::move(trial), std::move(starts[best]));
+  return with_start_beside_own(*trial, std::move(starts[best]));
 }
 
 std::vector<std::shared_ptr<const Trial>> with_starts_for(
@@ -169,20 +169,19 @@ std::vector<std::shared_ptr<const Trial>> with_settled_starts(
         solve_static(model, scene.start, scene.fixtures, scene.frame_times.front(),
                      trials[i]->options.simulation.static_options);
     if (!settled.converged) return;
-    trials[i] = with_start(std::move(trials[i]), std::move(settled.x));
+    trials[i] = with_start(*trials[i], std::move(settled.x));
   });
   return trials;
 }
 
-std::shared_ptr<const Trial> with_start(std::shared_ptr<const Trial> trial, Points start) {
-  auto changed = std::make_shared<Trial>(*trial);
+std::shared_ptr<const Trial> with_start(const Trial& trial, Points start) {
+  auto changed = std::make_shared<Trial>(trial);
   changed->scene.start = std::move(start);
   return changed;
 }
 
-std::shared_ptr<const Trial> with_start_beside_own(std::shared_ptr<const Trial> trial,
-                                                   Points start) {
-  auto changed = std::make_shared<Trial>(*trial);
+std::shared_ptr<const Trial> with_start_beside_own(const Trial& trial, Points start) {
+  auto changed = std::make_shared<Trial>(trial);
   changed->other_starts.push_back(std::move(changed->scene.start));
   changed->scene.start = std::move(start);
   return changed;
@@ -190,7 +189,7 @@ std::shared_ptr<const Trial> with_start_beside_own(std::shared_ptr<const Trial> 
 
 std::shared_ptr<const Trial> with_start_of(const Trial& other, std::shared_ptr<const Trial> trial) {
   if (trial->scene.start == other.scene.start) return trial;
-  return with_start(std::move(trial), other.scene.start);
+  return with_start(*trial, other.scene.start);
 }
 
 }  // namespace weft

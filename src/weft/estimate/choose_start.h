@@ -34,9 +34,8 @@ std::vector<std::shared_ptr<const Trial>> with_settled_starts(
     std::vector<std::shared_ptr<const Trial>> trials, const Fabric& fabric, int threads = 0);
 
 /// `trial` with another start; its own is lost, or becomes one of the others.
-std::shared_ptr<const Trial> with_start(std::shared_ptr<const Trial> trial, Points start);
-std::shared_ptr<const Trial> with_start_beside_own(std::shared_ptr<const Trial> trial,
-                                                   Points start);
+std::shared_ptr<const Trial> with_start(const Trial& trial, Points start);
+std::shared_ptr<const Trial> with_start_beside_own(const Trial& trial, Points start);
 
 /// `trial` with the start of `other`, of the same capture on the same mesh.
 std::shared_ptr<const Trial> with_start_of(const Trial& other, std::shared_ptr<const Trial> trial);

@@ -81,7 +81,7 @@ Trials starts_through(EvaluationStore* store, const char* kind, const Problem& p
     Trials found = before;
     for (auto& trial : found)
       if (reader.number() != 0)
-        trial = change(trial, Points(reader.matrix(3, trial->scene.start.cols())));
+        trial = change(*trial, Points(reader.matrix(3, trial->scene.start.cols())));
     return found;
   }
   Trials found = find(before);
