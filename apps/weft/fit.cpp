@@ -216,9 +216,10 @@ std::vector<std::pair<std::string, ReportValue>> settings(const FitArguments& ar
   if (arguments.start == "random")
     values.emplace_back("start seed",
                         fmt::format("{}", arguments.start_seed.value_or(arguments.seed)));
-  if (arguments.method == "auto")
+  if (arguments.method == "auto") {
     values.emplace_back("hops", static_cast<std::int64_t>(arguments.hops));
-  values.emplace_back("searches", static_cast<std::int64_t>(arguments.searches));
+    values.emplace_back("searches", static_cast<std::int64_t>(arguments.searches));
+  }
   if (arguments.method == "annealing") {
     values.insert(values.end(),
                   {{"coarse parameters", fmt::format("{}", fmt::join(arguments.coarse, ", "))},

@@ -317,6 +317,20 @@ TEST_F(TrialTest, AFitFromItsStoreIsTheSameAndAsksForNothing) {
   const StoredCost other = evaluate_cost_stored(problem, middle, linearization, &store);
   EXPECT_FALSE(other.replayed);
   EXPECT_EQ(other.cost, evaluate_cost(problem, middle, linearization).cost);
+  // Derivatives are by parts of the ranges.
+  Fabric narrow = test_fabric();
+  narrow.lower = narrow.upper = narrow.values;
+  for (int i = 0; i < narrow.values.size(); ++i) {
+    narrow.lower[i] = test_fabric().info(i).lower;
+    narrow.upper[i] = test_fabric().info(i).upper;
+  }
+  narrow.upper[narrow.value_index("bend_stiffness")] /= 2;
+  const Problem in_narrow({given}, narrow, {"bend_stiffness"});
+  const VecX least = VecX::Zero(1);  // the same value in both
+  ASSERT_EQ(in_narrow.fabric(least).values, problem.fabric(least).values);
+  linearize_stored(problem, least, linearization, &store);
+  EXPECT_TRUE(linearize_stored(problem, least, linearization, &store).replayed);
+  EXPECT_FALSE(linearize_stored(in_narrow, least, linearization, &store).replayed);
   const auto suited = with_starts_for_stored(problem, test_fabric(), 0, 0, &store);
   ASSERT_NE(suited.front(), given);
   EXPECT_EQ(with_starts_for_stored(problem, test_fabric(), 0, 0, &store).front()->scene.start,

@@ -89,7 +89,8 @@ struct FitResult {
   /// (HopOptions::patience rounds; run_least_squares_fit): more may take off more. 0: fruitless
   /// ones ended them, or there were none.
   double hop_gain = 0;
-  std::vector<SearchEnd> searches;  ///< in order (AutoFitOptions::searches); empty: there was one
+  /// Those that were not stopped, in order (AutoFitOptions::searches); empty: there was one.
+  std::vector<SearchEnd> searches;
   std::vector<FitStep> history;
   std::vector<PerturbationCurve> variability;  ///< empty if not asked for, or stopped before
   std::size_t evaluations = 0;                 ///< asked for, all phases (variability included)

@@ -620,7 +620,8 @@ FitResult search_repeatedly(const Problem& problem, const AutoFitOptions& option
       step.evaluation += all.evaluations;
       all.history.push_back(std::move(step));
     }
-    all.searches.push_back({one.seed, found.fabric, found.final.error, found.evaluations});
+    if (!found.stopped)
+      all.searches.push_back({one.seed, found.fabric, found.final.error, found.evaluations});
     all.evaluations += found.evaluations;
     all.replayed += found.replayed;
     all.diverged += found.diverged;

@@ -90,10 +90,9 @@ FitResult run_least_squares_fit(const Problem& problem, const LeastSquaresFitOpt
                                 EvaluationStore* store = nullptr, const FitObserver& observer = {});
 
 /// Least squares and hops, as often as is asked for, then annealing from the best end, if it is
-/// asked for. Where cloth snaps from one
-/// shape to another the error of a long motion is rough at a scale far below what the data resolve,
-/// and a descent ends in the first dent; what hops do about it annealing in a small simplex does
-/// more slowly.
+/// asked for. Where cloth snaps from one shape to another the error of a long motion is rough at a
+/// scale far below what the data resolve, and a descent ends in the first dent; what hops do about
+/// it annealing in a small simplex does more slowly.
 struct AutoFitOptions {
   AutoFitOptions();  ///< sets hops to 4 rounds, and annealing to 0 evaluations in a simplex of 0.1
 

@@ -16,12 +16,20 @@ namespace {
 /// starts, fabric, frames).
 std::string key_of(const char* kind, const Problem& problem, const LinearizationOptions& options) {
   const ResidualOptions& r = options.residual;
+  ContentHash ranges;  // derivatives are by parts of them
+  for (int i = 0; i < problem.dimension(); ++i) {
+    ranges.add(problem.info(i).lower);
+    ranges.add(problem.info(i).upper);
+    ranges.add(problem.info(i).scale);
+  }
   return fmt::format(
-      "{} by {}; folds {:.17g} {:.17g}, phase {:.17g} {:.17g}, silhouette {:.17g}, stride {}, "
+      "{} by {} in {}; folds {:.17g} {:.17g}, phase {:.17g} {:.17g}, silhouette {:.17g}, stride "
+      "{}, "
       "derivatives {} {:.17g}, turns {:.17g} {:.17g}, motion {:.17g} {:.17g}",
-      kind, fmt::join(problem.free(), " "), r.fold_weight, r.fold_scale, r.phase_weight,
-      r.phase_scale, r.silhouette_sigma, r.stride, static_cast<int>(r.derivatives), r.image_step,
-      r.largest_turn, r.largest_phase_turn, options.least_motion, options.unstable_motion);
+      kind, fmt::join(problem.free(), " "), ranges.hex(), r.fold_weight, r.fold_scale,
+      r.phase_weight, r.phase_scale, r.silhouette_sigma, r.stride, static_cast<int>(r.derivatives),
+      r.image_step, r.largest_turn, r.largest_phase_turn, options.least_motion,
+      options.unstable_motion);
 }
 
 void write(const ProblemEvaluation& evaluation, NumberWriter& writer) {
