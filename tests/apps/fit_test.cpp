@@ -441,6 +441,15 @@ TEST_F(Fit, ExtendsAnEarlierResult) {
   ASSERT_EQ(weft(words("out", "0")).status, 0);
   const std::size_t made = rows_of(folder_ / "out/evaluations.sqlite").size();
 
+  // What it wrote is all that its numbers come from.
+  const Outcome evaluated =
+      weft({"evaluate", path("c"), "--grid", "9", "--steps-per-frame", "2", "--fabric",
+            path("out/fabric.toml"), "--start-surface", path("out/start_1.obj"), "--json"});
+  ASSERT_EQ(evaluated.status, 0) << evaluated.err;
+  // Means are summed in another order.
+  EXPECT_DOUBLE_EQ(json::parse(evaluated.out)["fit"]["error"].get<double>(),
+                   result("out")["captures"][0]["fit"]["error"].get<double>());
+
   auto both = extend;
   both.emplace_back("--overwrite");
   EXPECT_EQ(refusal(both), "--overwrite and --extend exclude each other");

@@ -195,10 +195,10 @@ void write_obj(const std::filesystem::path& path, const TriangleMesh& mesh, cons
   std::string text;
   if (!comment.empty()) text += "# " + comment + "\n";
   for (Eigen::Index i = 0; i < x.cols(); ++i) {
-    text += fmt::format("v {:.9g} {:.9g} {:.9g}\n", x(0, i), x(1, i), x(2, i));
+    text += fmt::format("v {} {} {}\n", x(0, i), x(1, i), x(2, i));
   }
   for (Eigen::Index i = 0; i < mesh.material.cols(); ++i) {
-    text += fmt::format("vt {:.9g} {:.9g}\n", mesh.material(0, i), mesh.material(1, i));
+    text += fmt::format("vt {} {}\n", mesh.material(0, i), mesh.material(1, i));
   }
   for (const auto& [a, b, c] : mesh.triangles) {
     text += fmt::format("f {0}/{0} {1}/{1} {2}/{2}\n", a + 1, b + 1, c + 1);

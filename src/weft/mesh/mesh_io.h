@@ -28,7 +28,8 @@ struct MaterialSurface {
 /// round.
 MaterialSurface read_material_surface(const std::filesystem::path& path);
 
-/// Writes v, vt (the material coordinates in m) and f, with `comment` as a first line.
+/// Writes v, vt (the material coordinates in m) and f, with `comment` as a first line. Each number
+/// reads back as exactly the same double: motions that snap amplify the last digit.
 void write_obj(const std::filesystem::path& path, const TriangleMesh& mesh, const Points& x,
                const std::string& comment = {});
 /// Binary little-endian PLY with the material coordinates as u, v.
