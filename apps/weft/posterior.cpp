@@ -26,7 +26,8 @@ namespace {
 
 constexpr double kProbabilities[] = {0.05, 0.25, 0.5, 0.75, 0.95};
 constexpr std::size_t kMostRows = 20000;  // of posterior.csv
-constexpr double kSameError = 1e-3;       // of the error: start surfaces have nine digits
+// Of the error: start surfaces of older versions have nine digits.
+constexpr double kSameError = 1e-3;
 
 struct PosteriorArguments {
   std::string fit;
