@@ -378,8 +378,7 @@ FitInput read_input(const FitArguments& arguments) {
   return input;
 }
 
-FitResult search(const FitArguments& arguments, const Problem& problem) {
-  EvaluationStore store = open_store(arguments.out, problem);
+FitResult search(const FitArguments& arguments, const Problem& problem, EvaluationStore& store) {
   PhaseProgress progress;
   const FitObserver observer = [&](const FitProgress& p) { return progress(p); };
   return arguments.method == "annealing"
@@ -464,11 +463,9 @@ void run_fit(const FitArguments& arguments) {
   const Problem problem(trials, tests ? tests->fabric() : input.initial, input.free, {},
                         input.priors, tests ? tests->data() : OtherData{});
   if (arguments.existing == Existing::overwrite) remove_earlier_fit(out, {kStoreName});
-  if (arguments.existing == Existing::extend) {
-    open_store(out, problem);  // throws for one of another problem
-    remove_earlier_fit(out, {});
-  }
-  const FitResult fit = search(arguments, problem);
+  EvaluationStore store = open_store(out, problem);
+  if (arguments.existing == Existing::extend) remove_earlier_fit(out, {});
+  const FitResult fit = search(arguments, problem, store);
   write_fabric(out / "fabric.toml", fit.fabric);
   write_starts(out, fit.compared);
 

@@ -269,13 +269,18 @@ TEST_F(TrialTest, AStartThatHasSettledIsCheaperAndLeadsToTheSameShape) {
   EXPECT_EQ(with_settled_starts({stated}, test_fabric()).front(), stated);
 }
 
-TEST_F(TrialTest, AFitFindsFabricAndStartTogether) {
-  const auto given = with_the_worst_start(*trial_);
-  const Problem problem({given}, test_fabric(), {"bend_stiffness"});
+LeastSquaresFitOptions from_the_initial_fabric(const std::vector<FitStage>& stages) {
   LeastSquaresFitOptions options;
   options.start = FitOptions::Start::initial;
   options.screening_points = 0;
-  options.stages = {{0, 1, 1, 3, 1, 0.05}};
+  options.stages = stages;
+  return options;
+}
+
+TEST_F(TrialTest, AFitFindsFabricAndStartTogether) {
+  const auto given = with_the_worst_start(*trial_);
+  const Problem problem({given}, test_fabric(), {"bend_stiffness"});
+  const LeastSquaresFitOptions options = from_the_initial_fabric({{0, 1, 1, 3, 1, 0.05}});
   const FitResult found = run_least_squares_fit(problem, options);
   ASSERT_EQ(found.compared.size(), 1u);
   EXPECT_NE(found.compared.front()->scene.start, given->scene.start);
@@ -291,10 +296,8 @@ TEST_F(TrialTest, AFitFindsFabricAndStartTogether) {
 TEST_F(TrialTest, AFitFromItsStoreIsTheSameAndAsksForNothing) {
   const auto given = with_the_worst_start(*trial_);
   const Problem problem({given}, test_fabric(), {"bend_stiffness"});
-  LeastSquaresFitOptions options;
-  options.start = FitOptions::Start::initial;
-  options.screening_points = 0;
-  options.stages = {{2, 1, 1, 3, 1, 0.05}, {0, 1, 1, 3, 1, 0.05}};
+  LeastSquaresFitOptions options =
+      from_the_initial_fabric({{2, 1, 1, 3, 1, 0.05}, {0, 1, 1, 3, 1, 0.05}});
   options.hops.rounds = 1;
   const test::TemporaryFolder folder;
   EvaluationStore store(folder.path() / "evaluations.sqlite");

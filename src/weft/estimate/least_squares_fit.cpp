@@ -605,6 +605,31 @@ FitObserver told_of_search(const FitObserver& observer, int k, int count, std::s
   };
 }
 
+/// History and counts of a part of a fit, after those of the parts before it.
+void append(FitResult& part, FitResult& whole) {
+  const std::size_t before = whole.history.size();
+  for (FitStep& step : part.history) {
+    step.evaluation += before;
+    whole.history.push_back(std::move(step));
+  }
+  whole.evaluations += part.evaluations;
+  whole.replayed += part.replayed;
+  whole.diverged += part.diverged;
+  whole.wall_s += part.wall_s;
+  whole.stopped = part.stopped;
+}
+
+/// To the part whose estimate is that of the whole.
+void take_history(FitResult& whole, FitResult& part) {
+  part.history = std::move(whole.history);
+  part.searches = std::move(whole.searches);
+  part.evaluations = whole.evaluations;
+  part.replayed = whole.replayed;
+  part.diverged = whole.diverged;
+  part.wall_s = whole.wall_s;
+  part.stopped = whole.stopped;
+}
+
 /// The best of all searches, with the history and the counts of all.
 FitResult search_repeatedly(const Problem& problem, const AutoFitOptions& options,
                             EvaluationStore* store, const FitObserver& observer) {
@@ -616,27 +641,13 @@ FitResult search_repeatedly(const Problem& problem, const AutoFitOptions& option
     one.seed = options.least_squares.seed + static_cast<std::uint64_t>(k);
     const FitObserver told = told_of_search(observer, k, options.searches, all.evaluations);
     FitResult found = LeastSquaresFit(problem, one, store, told).run();
-    for (FitStep& step : found.history) {
-      step.evaluation += all.evaluations;
-      all.history.push_back(std::move(step));
-    }
+    append(found, all);
     if (!found.stopped)
       all.searches.push_back({one.seed, found.fabric, found.final.error, found.evaluations});
-    all.evaluations += found.evaluations;
-    all.replayed += found.replayed;
-    all.diverged += found.diverged;
-    all.wall_s += found.wall_s;
-    all.stopped = found.stopped;
     if (k == 0 || found.final.error + found.prior_error < kept.final.error + kept.prior_error)
       kept = std::move(found);
   }
-  kept.history = std::move(all.history);
-  kept.searches = std::move(all.searches);
-  kept.evaluations = all.evaluations;
-  kept.replayed = all.replayed;
-  kept.diverged = all.diverged;
-  kept.wall_s = all.wall_s;
-  kept.stopped = all.stopped;
+  take_history(all, kept);
   kept.seed = options.least_squares.seed;
   return kept;
 }
@@ -672,17 +683,8 @@ FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
   annealing.prior_weight = descent.prior_weight;
   FitResult result = run_fit(from_there, annealing, store, observer);
   result.initial = descent.initial;
-  result.searches = std::move(descent.searches);
-  const std::size_t before = descent.history.size();
-  for (FitStep& step : result.history) {
-    step.evaluation += before;
-    descent.history.push_back(std::move(step));
-  }
-  result.history = std::move(descent.history);
-  result.evaluations += descent.evaluations;
-  result.replayed += descent.replayed;
-  result.diverged += descent.diverged;
-  result.wall_s += descent.wall_s;
+  append(result, descent);
+  take_history(descent, result);
   take_better_starts(from_there, options.least_squares.threads, result);
   return result;
 }

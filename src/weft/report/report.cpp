@@ -95,16 +95,18 @@ void warn_of_captures(const Report& report, std::vector<std::string>& warnings) 
   }
 }
 
-bool is_near_the_least(const Report& report, const ReportSearch& search) {
+/// The largest error that counts as near the least of the searches.
+double near_limit(const Report& report) {
   double least = kInfinity;
-  for (const ReportSearch& s : report.searches) least = std::min(least, s.error);
-  return search.error <= (1 + near_the_least) * least;
+  for (const ReportSearch& search : report.searches) least = std::min(least, search.error);
+  return (1 + near_the_least) * least;
 }
 
 void warn_of_searches(const Report& report, std::vector<std::string>& warnings) {
   if (report.searches.size() < 2) return;
+  const double limit = near_limit(report);
   const auto near = std::ranges::count_if(
-      report.searches, [&](const ReportSearch& s) { return is_near_the_least(report, s); });
+      report.searches, [&](const ReportSearch& search) { return search.error <= limit; });
   if (near == 1) {
     warnings.push_back(
         fmt::format("Of {} searches no other ended within {:.0f} % of the least error: a further "
@@ -139,8 +141,9 @@ bool in_interval(const ReportParameter& parameter, double value) {
 
 std::pair<double, double> range_in_searches(const Report& report, std::size_t index) {
   std::pair range{report.parameters[index].value, report.parameters[index].value};
+  const double limit = near_limit(report);
   for (const ReportSearch& search : report.searches) {
-    if (!is_near_the_least(report, search)) continue;
+    if (!(search.error <= limit)) continue;
     range.first = std::min(range.first, search.values[index]);
     range.second = std::max(range.second, search.values[index]);
   }
