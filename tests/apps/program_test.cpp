@@ -81,6 +81,28 @@ TEST_F(Program, ExportsAFabric) {
   EXPECT_THAT(refusal(elsewhere), HasSubstr("--to"));
 }
 
+TEST_F(Program, ExportsAModel) {
+  const std::vector<std::string> words{"export", "satin",           "--to", "mujoco", "--spacing",
+                                       "0.02",   "--areal-density", "0.2"};
+  EXPECT_THAT(refusal(words), HasSubstr("--cells"));
+  auto complete = words;
+  complete.insert(complete.end(),
+                  {"--cells", "4", "3", "--hold", "edge", "--out", path("satin.xml"), "--json"});
+  const Outcome outcome = weft(complete);
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const nlohmann::json said = nlohmann::json::parse(outcome.out);
+  EXPECT_GT(said["settings"]["timestep"].get<double>(), 0);
+  EXPECT_FALSE(said["lost"].empty());
+  EXPECT_THAT(text_of(path("satin.xml")),
+              HasSubstr("<body name=\"cloth_4_0\" pos=\"0.08 0 0\" mocap"));
+  auto with_rate = complete;
+  with_rate.insert(with_rate.end(), {"--frame-rate", "30"});
+  EXPECT_THAT(refusal(with_rate), HasSubstr("--frame-rate"));
+  auto elsewhere = complete;
+  elsewhere[3] = "blender";
+  EXPECT_THAT(refusal(elsewhere), HasSubstr("--cells: is for mujoco"));
+}
+
 TEST_F(Program, SynthesizesACaptureShorterThanItsUsualFitFrames) {
   const Outcome made = weft({"synthesize", "--fabric", "satin", "--out", path("c"), "--frames", "2",
                              "--grid", "9", "--steps-per-frame", "2"});

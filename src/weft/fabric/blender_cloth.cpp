@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "weft/base/error.h"
+#include "weft/fabric/exported_terms.h"
 
 namespace weft {
 namespace {
@@ -20,7 +20,6 @@ constexpr double kGravityUnits = 0.001;
 /// The twist of the modifier's hinges on quads, of their bend.
 constexpr double kTwistOfLattice = 4.0 / 3;
 constexpr double kSameTwist = 0.1;     // relative
-constexpr double kWorthSaying = 0.05;  // of shear beside diagonals, and of differences of drag
 
 struct Setting {
   std::string_view name;  ///< of ClothSettings in Blender's Python
@@ -40,21 +39,10 @@ constexpr std::array<Setting, 9> kSettings = {{
 }};
 
 void check(const BlenderClothOptions& options) {
-  const auto require = [](const char* what, double value, const char* unit) {
-    if (!(value > 0 && std::isfinite(value)))
-      throw Error(fmt::format("{} is {} {}, must be above 0", what, value, unit));
-  };
-  require("the spacing of a mesh", options.spacing, "m");
-  require("a frame rate", options.frame_rate, "1/s");
-  require("an areal density", options.areal_density, "kg/m^2");
-  require("the speed of drag", options.drag_speed, "m/s");
-}
-
-/// 0 where the fabric has no such term.
-double value_or_none(const Fabric& fabric, std::string_view parameter) {
-  const auto names = fabric.value_names();
-  const bool there = std::ranges::find(names, parameter) != names.end();
-  return there ? fabric.value(parameter) : 0;
+  require_positive("the spacing of a mesh", options.spacing, "m");
+  require_positive("a frame rate", options.frame_rate, "1/s");
+  require_positive("an areal density", options.areal_density, "kg/m^2");
+  require_positive("the speed of drag", options.drag_speed, "m/s");
 }
 
 /// N/m and N s/m of a diagonal spring.
@@ -77,29 +65,9 @@ Diagonal diagonal_of(const Fabric& fabric, std::vector<std::string>& lost) {
   return {taut + shear, value_or_none(fabric, "diagonal_damping") / 2};
 }
 
-/// N s/m^3 in every direction.
-double drag_of(const Fabric& fabric, double speed, std::vector<std::string>& lost) {
-  const double quadratic = fabric.value("drag_quadratic") * speed /
-                           (1 + fabric.value("drag_degradation") * speed * speed);
-  const double drag = value_or_none(fabric, "drag_normal_linear") + quadratic;
-  const double tangential = fabric.value("drag_linear");
-  if (quadratic > kWorthSaying * drag)
-    lost.push_back(fmt::format(
-        "Drag is linear, {:.3g} N s/m^3 at every speed: as the fabric's along the normal at {:g} "
-        "m/s.",
-        drag, speed));
-  if (std::abs(tangential - drag) > kWorthSaying * drag)
-    lost.push_back(fmt::format(
-        "Drag along the surface is {:.3g} N s/m^3, as along the normal; the fabric has {:.3g}.",
-        drag, tangential));
-  return drag;
-}
-
 void note_twist(const Fabric& fabric, std::vector<std::string>& lost) {
-  const double bend = fabric.value("bend_stiffness");
-  const double twist =
-      fabric.value_count("twist_stiffness") > 0 ? fabric.value("twist_stiffness") : bend;
-  const double of_lattice = kTwistOfLattice * bend;
+  const double twist = twist_of(fabric);
+  const double of_lattice = kTwistOfLattice * fabric.value("bend_stiffness");
   if (std::abs(twist - of_lattice) > kSameTwist * of_lattice)
     lost.push_back(
         fmt::format("Twist is resisted by {:.3g} N m, which hinges on quads have beside "
@@ -115,7 +83,7 @@ BlenderCloth blender_cloth(const Fabric& fabric, const BlenderClothOptions& opti
   const double h = options.spacing, frame = 1 / options.frame_rate;
   BlenderCloth cloth;
   const Diagonal diagonal = diagonal_of(fabric, cloth.lost);
-  const double drag = drag_of(fabric, options.drag_speed, cloth.lost);
+  const double drag = linear_drag(fabric, options.drag_speed, cloth.lost);
   note_twist(fabric, cloth.lost);
 
   const auto set = [&](double mass) {
