@@ -39,16 +39,15 @@ struct MujocoCloth {
 
 /// The lattice with which MuJoCo (3.14; scripts/validate_mujoco runs it) is `fabric`.
 ///
-/// Its own membrane is isotropic with a Poisson ratio below 1/2, so that shear takes at least a
-/// third of stretch; cloth takes less. So every vertex is a body of mass rho h^2 with three slides
+/// Its own membrane is isotropic with a Poisson ratio below 1/2, so that shear is a third to a half
+/// of stretch; cloth's is its own. So every vertex is a body of mass rho h^2 with three slides
 /// (half of it on the rim, a quarter at a corner, and the hem's), and what joins them are flexes
 /// that share these bodies:
 ///
-/// - of edges, along threads (a N/m) and along both diagonals of a cell (k N/m, both ways). Shear
-/// is
-///   k = shear_stiffness. Diagonals add to stretch and couple weft with warp: a + k = x with x -
-///   k^2 / x = stretch_stiffness, so that a strip is as stiff as the fabric, and narrows by k / x
-///   of its strain. Damping alike.
+/// - of edges, along threads (a N/m) and along both diagonals of a cell (k N/m, both ways), k =
+///   shear_stiffness. Diagonals add to stretch and couple weft with warp: a + k = x with
+///   x - k^2 / x = stretch_stiffness, so that a strip is as stiff as the fabric, and narrows by
+///   k / x of its strain. Damping alike.
 /// - tendons that are slack below their length, for `diagonal_stiffness`: half of it each.
 /// - of triangles with `elastic2d="bend"`, diagonals alternating. An edge has there the energy
 ///   3 D / A |sum c x|^2 / 2, A the area of its two triangles, D = E t^3 / 48 at a Poisson ratio of
