@@ -303,8 +303,17 @@ TEST_F(TrialTest, AFitFromItsStoreIsTheSameAndAsksForNothing) {
   EvaluationStore store(folder.path() / "evaluations.sqlite");
   const FitResult first = run_least_squares_fit(problem, options, &store);
   ASSERT_NE(first.compared.front()->scene.start, given->scene.start);
-  const FitResult again = run_least_squares_fit(problem, options, &store);
+  std::size_t told = 0;
+  const FitResult again =
+      run_least_squares_fit(problem, options, &store, [&](const FitProgress& progress) {
+        if (progress.step.phase != "starts") {
+          EXPECT_GT(progress.replayed, told);
+        }
+        told = progress.replayed;
+        return true;
+      });
   EXPECT_EQ(again.replayed, again.evaluations);
+  EXPECT_EQ(told, again.replayed);
   EXPECT_EQ(again.evaluations, first.evaluations);
   EXPECT_EQ(again.scaled, first.scaled);
   EXPECT_EQ(again.final.error, first.final.error);

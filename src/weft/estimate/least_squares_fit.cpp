@@ -148,8 +148,15 @@ class LeastSquaresFit {
     }
     phase_best_ = std::min(phase_best_, evaluation.error);
     const FitStep step{phase, ++announced_, evaluation.error, phase_best_, 0};
-    if (observer_ && !observer_({step, ++phase_done_, total, result_.replayed})) stopped_ = true;
+    const std::size_t replayed = result_.replayed + replayed_below_;
+    if (observer_ && !observer_({step, ++phase_done_, total, replayed})) stopped_ = true;
     if (interrupted()) stopped_ = true;
+  }
+
+  /// In descents that are under way: result_ has them when all are recorded.
+  void count_replay_below() {
+    const std::lock_guard lock(announcing_);
+    ++replayed_below_;
   }
 
   Contender middle() const { return {VecX::Constant(problem_->dimension(), 0.5), problem_}; }
@@ -467,6 +474,7 @@ class LeastSquaresFit {
   void record_all(const FitStage& stage, const std::string& phase,
                   const std::vector<Contender>& candidates, const std::vector<Descent>& descents) {
     linearized_.clear();
+    replayed_below_ = 0;
     for (std::size_t i = 0; i < candidates.size(); ++i) {
       for (const Tried& tried : descents[i].tried) {
         result_.replayed += tried.replayed;
@@ -502,6 +510,7 @@ class LeastSquaresFit {
       if (store_)
         store_->add(problem, problem.fabric(scaled), stage.frames, phase, found.evaluation);
       descent.tried.push_back({scaled, found.evaluation, found.replayed});
+      if (found.replayed) count_replay_below();
       announce(phase, found.evaluation);
       return found.cost + problem.prior_cost(scaled, descent.prior_weight) +
              pull * (scaled - origin).squaredNorm();
@@ -565,7 +574,8 @@ class LeastSquaresFit {
   EvaluationStore* store_;
   const FitObserver& observer_;
   std::mutex announcing_;
-  std::string phase_;  // of the last announcement, with what follows
+  std::size_t replayed_below_ = 0;  // in descents that are not recorded yet
+  std::string phase_;               // of the last announcement, with what follows
   double phase_best_ = kInfinity;
   std::size_t phase_done_ = 0, announced_ = 0;
   std::atomic<bool> stopped_ = false;
