@@ -192,6 +192,14 @@ def swatch_mesh(a, name):
     return mesh
 
 
+def shown_points(obj):
+    """Where its vertices are in this frame, modifiers applied: n x 3."""
+    vertices = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.vertices
+    points = np.empty(3 * len(vertices), np.float32)
+    vertices.foreach_get("co", points)
+    return points.reshape(-1, 3)
+
+
 def hold(scene, swatch, name, vertex, path):
     """A hook that moves the vertex along the path, one point a frame of the simulation from frame 1 on."""
     empty = bpy.data.objects.new(name, None)
@@ -260,16 +268,14 @@ def simulate(a, lattice):
     hold(scene, swatch, "left", 0, paths[:, 0])
     hold(scene, swatch, "right", a.cells, paths[:, 1])
     add_cloth(a, swatch, lattice, frame_0, last + 1)
-    positions, count = [], (a.cells + 1) ** 2
+    positions = []
     for frame in range(1, last + 1):
         scene.frame_set(frame)
-        evaluated = swatch.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        x = np.empty(3 * count, np.float32)
-        evaluated.data.vertices.foreach_get("co", x)
+        x = shown_points(swatch)
         if not np.isfinite(x).all() or np.abs(x).max() > 10 * a.side + PIN_HEIGHT:
             sys.exit(f"blender_capture: the simulation left the scene at frame {frame}")
         if frame >= frame_0 and (frame - frame_0) % STEPS_PER_FRAME == 0 and len(positions) < moving:
-            positions.append(x.reshape(count, 3))
+            positions.append(x)
         if frame % 100 == 0:
             print(f"simulation {frame} of {last}", flush=True)
     return np.stack(positions)
@@ -482,10 +488,7 @@ def render(a, positions, camera, projector, period):
             mesh.vertices.foreach_set("co", positions[min(frame, len(positions) - 1)].ravel())
             mesh.update()
             scene.cycles.seed = a.seed * 1000 + frame
-            evaluated = cloth.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-            points = np.empty(3 * len(evaluated.vertices), np.float32)
-            evaluated.vertices.foreach_get("co", points)
-            shown.append(points.reshape(-1, 3)[: (a.cells + 1) ** 2].copy())
+            shown.append(shown_points(cloth)[: (a.cells + 1) ** 2].copy())
             linear = linear_picture(scene, os.path.join(a.out, "frame.exr"))
             if gain is None:
                 bright = linear.max(axis=2)

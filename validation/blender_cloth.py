@@ -15,6 +15,9 @@ import sys
 import bpy
 import numpy as np
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "scripts"))
+from blender_capture import shown_points
+
 GRAVITY = 9.81
 RATE = 30
 
@@ -73,10 +76,7 @@ def motion(cloth, script, pinned_rows, columns, frames, quality):
     scene, found = bpy.context.scene, []
     for frame in range(1, frames + 1):
         scene.frame_set(frame)
-        evaluated = cloth.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        x = np.empty(3 * len(evaluated.data.vertices), np.float32)
-        evaluated.data.vertices.foreach_get("co", x)
-        found.append(x.reshape(-1, 3).astype(float))
+        found.append(shown_points(cloth).astype(float))
     return np.array(found)
 
 

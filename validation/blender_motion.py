@@ -21,7 +21,7 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "scripts"))
-from blender_capture import hold
+from blender_capture import hold, shown_points
 
 # Blender's frames are shorter than the video's: corners go straight on from one to the next.
 PARTS = 4  # of a frame of the video
@@ -137,10 +137,7 @@ def motion(capture, script, steps):
         scene.frame_set(frame)
         if frame <= SETTLING or (frame - SETTLING - 1) % PARTS:
             continue
-        evaluated = swatch.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        x = np.empty(3 * capture.side**2, np.float32)
-        evaluated.data.vertices.foreach_get("co", x)
-        found.append(surface_of(x.reshape(-1, 3).astype(float), capture.side))
+        found.append(surface_of(shown_points(swatch).astype(float), capture.side))
     return np.array(found)
 
 
