@@ -75,7 +75,9 @@ struct FitResult {
   std::vector<std::shared_ptr<const Trial>> compared;
   Fabric fabric;  ///< the estimate; name and density as in problem.initial()
   VecX scaled;
-  ProblemEvaluation initial;  ///< at the middle of all ranges (scaled 0.5), all frames
+  /// At the middle of all ranges (scaled 0.5), all frames; least squares: from the starts of the
+  /// estimate, or where it diverges from those that were given.
+  ProblemEvaluation initial;
   /// Where annealing started, all frames; `initial` where it was stopped before.
   ProblemEvaluation start;
   Fabric start_fabric;

@@ -526,12 +526,13 @@ class LeastSquaresFit {
     return descent;
   }
 
-  /// Reports show the middle of the ranges beside the estimate: from one start.
+  /// Reports show the middle of the ranges beside the estimate: from one start, unless that fabric
+  /// finds no equilibrium from there.
   void look_at_middle_from_there() {
     const Contender there{middle().scaled, best_problem_};
     const StoredEvaluation stored = evaluate_point(there, 0, "start", options_.threads);
     result_.replayed += stored.replayed;
-    result_.initial = stored.evaluation;
+    if (!stored.evaluation.diverged) result_.initial = stored.evaluation;
     note("start", there, 0, stored.evaluation, 1);
   }
 
