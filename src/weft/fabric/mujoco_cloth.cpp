@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <iterator>
@@ -123,20 +122,15 @@ class ModelText {
   bool is_there(const Node& n) const {
     return n.column >= 0 && n.column <= options_.columns && n.row >= 0 && n.row <= options_.rows;
   }
-  bool is_rim(const Node& n) const {
-    return n.column == 0 || n.column == options_.columns || n.row == 0 || n.row == options_.rows;
-  }
+  bool is_side(const Node& n) const { return n.column == 0 || n.column == options_.columns; }
+  bool is_end(const Node& n) const { return n.row == 0 || n.row == options_.rows; }
   /// Of a vertex, kg.
   double mass(const Node& n) const {
-    const double hem = is_rim(n) ? options_.hem_width / options_.spacing : 0;
+    const double hem = is_side(n) || is_end(n) ? options_.hem_width / options_.spacing : 0;
     return options_.areal_density * options_.spacing * options_.spacing * (area(n) + hem);
   }
   /// Of a vertex, in cells.
-  double area(const Node& n) const {
-    const bool side = n.column == 0 || n.column == options_.columns;
-    const bool end = n.row == 0 || n.row == options_.rows;
-    return (side ? 0.5 : 1) * (end ? 0.5 : 1);
-  }
+  double area(const Node& n) const { return (is_side(n) ? 0.5 : 1) * (is_end(n) ? 0.5 : 1); }
   /// Even rows of even columns, then those that are even in one, then in none, so that the vertex
   /// at a triangle's right angle has its place between the others'. MuJoCo 3.14 compiles the
   /// stencil of an edge for its ends as its first triangle has them and applies it to them by
@@ -236,10 +230,8 @@ std::string ModelText::threads() const {
   FlexText inner, rim;
   each_node([&](const Node& n) {
     const Node right{n.column + 1, n.row}, below{n.column, n.row + 1};
-    const bool end = n.row == 0 || n.row == options_.rows;
-    const bool side = n.column == 0 || n.column == options_.columns;
-    if (is_there(right)) (end ? rim : inner).add(std::array{n, right});
-    if (is_there(below)) (side ? rim : inner).add(std::array{n, below});
+    if (is_there(right)) (is_end(n) ? rim : inner).add(std::array{n, right});
+    if (is_there(below)) (is_side(n) ? rim : inner).add(std::array{n, below});
   });
   const double of_rim = 0.5 + options_.hem_width / options_.spacing;
   return inner.xml("threads", 1, springs(cloth_.thread_stiffness, cloth_.thread_damping)) +
