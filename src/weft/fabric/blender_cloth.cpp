@@ -19,7 +19,7 @@ constexpr double kAirUnits = 0.01;
 constexpr double kGravityUnits = 0.001;
 /// The twist of the modifier's hinges on quads, of their bend.
 constexpr double kTwistOfLattice = 4.0 / 3;
-constexpr double kSameTwist = 0.1;     // relative
+constexpr double kSameTwist = 0.1;  // relative
 
 struct Setting {
   std::string_view name;  ///< of ClothSettings in Blender's Python
