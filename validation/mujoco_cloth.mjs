@@ -41,7 +41,7 @@ function terminalSpeed() {
   return [-cloth.data.qvel[cloth.dof(2, 2) + 2], kGravity * density / drag];
 }
 
-/// Of a sheet that hangs by its upper edge, with a hem or without.
+/// Of a sheet that hangs by its upper edge.
 function elongation() {
   const k = 30, density = 0.3, h = 0.0125, rows = 40, length = h * rows;
   const cloth = sheet('hanging', density, h, 4, rows, 'edge',
@@ -50,7 +50,7 @@ function elongation() {
   return [-cloth.mean(rows, 2) - length, density * kGravity * length * length / 2 / k];
 }
 
-/// Rate at which the slowest stretching mode of a hanging sheet decays, 1/s: of its bounds, peak by peak.
+/// Rate at which the slowest stretching mode of a hanging sheet decays, 1/s: from one peak to the next.
 function decay() {
   const k = 30, c = 0.3, density = 0.3, h = 0.0125, rows = 40;
   const cloth = sheet('bouncing', density, h, 2, rows, 'edge', { stretch_stiffness: k, stretch_damping: c }, withGravity(0, 0, 0));
@@ -107,7 +107,7 @@ function diagonals() {
   return [stiffness('taut', { shear_stiffness: 1e-6, diagonal_stiffness: 200 }, sheared, sheared), 200 / 4];
 }
 
-/// In gravity along y. `held`: 'edge', and the row below it.
+/// By a damper that nothing moves.
 function clamp(cloth, isHeld) {
   for (let row = 0; row <= cloth.rows; ++row)
     for (let column = 0; column <= cloth.columns; ++column) {
