@@ -60,17 +60,15 @@ function decay() {
   const omega = 2 * Math.sqrt(k / density) / h * Math.sin(Math.PI / (4 * rows));
   const rate = c / k * omega * omega / 2, period = 2 * Math.PI / Math.sqrt(omega * omega - rate * rate);
   mujoco.mj_forward(cloth.model, cloth.data);
-  const steps = Math.round(period / cloth.model.opt.timestep);
   const below = () => -cloth.mean(rows, 2) - h * rows;
   const before = below();
-  for (let n = 0; n < steps; ++n) mujoco.mj_step(cloth.model, cloth.data);
-  cloth.requireStable();
-  return [-Math.log(below() / before) / (steps * cloth.model.opt.timestep), rate];
+  cloth.step(period);
+  return [-Math.log(below() / before) / cloth.data.time, rate];
 }
 
-/// Of a sheet that nothing holds, deformed uniformly: minus the work of its forces in a further deformation, over strain
-/// and area, N/m.
-function stiffness(name, changed, strained, further) {
+/// Of a sheet that nothing holds, deformed uniformly: minus the work of its forces in as much again, over strain and
+/// area, N/m.
+function stiffness(name, changed, strained) {
   const h = 0.0125, cells = 8, area = (h * cells) ** 2, strain = 1e-4;
   const cloth = sheet(name, 0.3, h, cells, cells, 'none', changed, withGravity(0, 0, 0));
   for (let row = 0; row <= cells; ++row)
@@ -82,7 +80,7 @@ function stiffness(name, changed, strained, further) {
   let work = 0;
   for (let row = 0; row <= cells; ++row)
     for (let column = 0; column <= cells; ++column) {
-      const [x, , z] = cloth.restOf(column, row), at = cloth.dof(column, row), by = further(x, z);
+      const [x, , z] = cloth.restOf(column, row), at = cloth.dof(column, row), by = strained(x, z);
       work += cloth.data.qfrc_passive[at] * by[0] + cloth.data.qfrc_passive[at + 2] * by[2];
     }
   return -work / strain / area;
@@ -93,18 +91,18 @@ function stretch() {
   const k = 100, shear = 40;
   const thread = (k + Math.hypot(k, 2 * shear)) / 2, narrowing = shear / thread;
   const strained = (x, z) => [x, 0, -narrowing * z];
-  return [stiffness('stretched', { stretch_stiffness: k, shear_stiffness: shear }, strained, strained), k];
+  return [stiffness('stretched', { stretch_stiffness: k, shear_stiffness: shear }, strained), k];
 }
 
 function shear() {
   const sheared = (x, z) => [z, 0, 0];
-  return [stiffness('sheared', { stretch_stiffness: 100, shear_stiffness: 40 }, sheared, sheared), 40];
+  return [stiffness('sheared', { stretch_stiffness: 100, shear_stiffness: 40 }, sheared), 40];
 }
 
 /// One of the diagonals is taut: half of their stiffness is resisted at 45 degrees, a quarter of that as shear.
 function diagonals() {
   const sheared = (x, z) => [z, 0, 0];
-  return [stiffness('taut', { shear_stiffness: 1e-6, diagonal_stiffness: 200 }, sheared, sheared), 200 / 4];
+  return [stiffness('taut', { shear_stiffness: 1e-6, diagonal_stiffness: 200 }, sheared), 200 / 4];
 }
 
 /// By a damper that nothing moves.
