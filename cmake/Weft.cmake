@@ -38,8 +38,8 @@ function(weft_build_quickly target)
 endfunction()
 
 # What nearly every source includes is parsed once a kind of target instead of once a source: a third
-# of the time of a build. Sources include what they use all the same: clang-tidy runs without
-# precompiled headers.
+# of the time of a build. Sources include what they use all the same: scripts/check says how that is
+# told.
 set(weft_common_headers <Eigen/Dense> <Eigen/SparseCore> <algorithm> <array> <chrono> <cmath>
     <filesystem> <fmt/format.h> <fstream> <functional> <limits> <map> <memory> <mutex> <optional>
     <string> <string_view> <vector>)
@@ -56,7 +56,7 @@ endfunction()
 # Several sources as one: what each would instantiate of Eigen, CLI11 and nlohmann-json is instantiated
 # once, and the precompiled header is read once. Half the time of a whole build, but twice that of one
 # source: -DWEFT_JOIN_SOURCES=OFF (preset `develop`) for who edits. Sources of one target have names
-# that differ for this, in unnamed namespaces, too; the lint build compiles each alone.
+# that differ for this, in unnamed namespaces, too.
 function(weft_join_sources target)
   if(WEFT_JOIN_SOURCES)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)

@@ -10,12 +10,9 @@ mean over the fit frames and the later ones (OUT/CAPTURE.csv); and of each frame
 (OUT/CAPTURE_FABRIC.json, for weft_validate_distance).
 """
 import argparse
-import json
 import os
-import struct
 import subprocess
 import sys
-import tomllib
 
 import bpy
 import numpy as np
@@ -23,67 +20,13 @@ import numpy as np
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "scripts"))
 from blender_capture import hold, shown_points
 
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from filmed_swatch import Capture, Report, name_of, surface_of, vertices_of
+
 # Blender's frames are shorter than the video's: corners go straight on from one to the next.
 PARTS = 4  # of a frame of the video
 SETTLING = 30 * PARTS  # before frame 0
 THICK_AIR = 5  # 1/s, rate at which speed decays while the swatch settles
-
-
-def read_points(path):
-    """Of a .pc2: frames x points x 3."""
-    with open(path, "rb") as file:
-        count, _, _, frames = struct.unpack("<iffi", file.read(32)[16:])
-        return np.fromfile(file, "<f4").reshape(frames, count, 3).astype(float)
-
-
-def refined(path):
-    """Positions of the parts of frames: Lagrange's cubics through four frames."""
-    padded = np.concatenate([2 * path[:1] - path[1:2], path, 2 * path[-1:] - path[-2:-1]])
-    parts = []
-    for s in np.arange(PARTS) / PARTS:
-        weights = (-s * (s - 1) * (s - 2) / 6, (s + 1) * (s - 1) * (s - 2) / 2, -(s + 1) * s * (s - 2) / 2,
-                   (s + 1) * s * (s - 1) / 6)
-        parts.append(sum(w * padded[k:len(padded) - 3 + k] for k, w in enumerate(weights)))
-    return np.concatenate([np.stack(parts, axis=1).reshape(-1, path.shape[1]), path[-1:]])
-
-
-class Capture:
-    def __init__(self, folder):
-        with open(os.path.join(folder, "capture.toml"), "rb") as file:
-            values = tomllib.load(file)
-        self.name, self.rate = values["name"], values["video"]["frame_rate"]
-        self.fit_frames = values["video"]["fit_frames"][1] + 1
-        self.density = values["swatch"]["areal_density"]
-        self.shown = read_points(os.path.join(folder, values["truth"]["points"]))
-        if self.fit_frames >= len(self.shown):
-            sys.exit(f"blender_motion: {self.name}: no frame after the fit frames")
-        self.side = round(self.shown.shape[1] ** 0.5)  # vertices
-        self.spacing = values["swatch"]["width"] / (self.side - 1)
-        paths = np.loadtxt(os.path.join(folder, values["fixture"][0]["motion"]), delimiter=",", skiprows=1)
-        self.corners = refined(paths[: len(self.shown), 1:]).reshape(-1, 2, 3)  # left, right; of each part
-
-
-def averaged(x, weights, axis):
-    """Inside: a vertex with its two neighbours along the axis; the rims as they are."""
-    y = x.copy()
-    inner, before, after = [[slice(None)] * 3 for _ in range(3)]
-    inner[axis], before[axis], after[axis] = slice(1, -1), slice(0, -2), slice(2, None)
-    y[tuple(inner)] = weights[0] * x[tuple(inner)] + weights[1] * (x[tuple(before)] + x[tuple(after)])
-    return y
-
-
-def surface_of(x, side):
-    """Points of the Catmull-Clark surface over the vertices; the corners stay."""
-    grid = x.reshape(side, side, 3)
-    return averaged(averaged(grid, (2 / 3, 1 / 6), 0), (2 / 3, 1 / 6), 1).reshape(-1, 3)
-
-
-def vertices_of(shown, side):
-    """Whose surface that is."""
-    x = shown.copy()
-    for _ in range(60):  # each leaves at most 8/9 of the error
-        x += shown - surface_of(x, side)
-    return x
 
 
 def hanging_swatch(scene, capture, paths, steps):
@@ -142,21 +85,12 @@ def motion(capture, script, steps):
 
 
 def exported(weft, out, capture, fabric):
-    name = os.path.splitext(os.path.basename(fabric))[0]
-    if name == "fabric":
-        name = os.path.basename(os.path.dirname(os.path.abspath(fabric)))
+    name = name_of(fabric)
     script = os.path.join(out, f"{capture.name}_{name}.py")
     subprocess.run([weft, "export", fabric, "--to", "blender", "--spacing", str(capture.spacing), "--frame-rate",
                     str(capture.rate * PARTS), "--areal-density", str(capture.density), "--out", script],
                    check=True, stdout=subprocess.DEVNULL)
     return name, script
-
-
-def evaluation(capture, apart):
-    fit = capture.fit_frames
-    part = lambda first, last: {"first": first, "last": last, "distance_mean": apart[first:last + 1].mean()}
-    return {"fit": part(0, fit - 1), "validation": part(fit, len(apart) - 1),
-            "frames": [{"frame": k, "distance_mean": d} for k, d in enumerate(apart)]}
 
 
 def main():
@@ -169,21 +103,11 @@ def main():
     if a.steps < PARTS or a.steps % PARTS:
         parser.error(f"--steps: {a.steps} is not a multiple of {PARTS}")
     os.makedirs(a.out, exist_ok=True)
-    capture = Capture(a.capture)
-    with open(os.path.join(a.out, f"{capture.name}.csv"), "w") as table:
-        def put(line):
-            print(line, flush=True)
-            table.write(line + "\n")
-
-        put("fabric,frame 0 (mm),fit frames (mm),later frames (mm)")
-        for fabric in a.fabrics:
-            name, script = (fabric, None) if fabric == "blender" else exported(a.weft, a.out, capture, fabric)
-            apart = np.linalg.norm(motion(capture, script, a.steps) - capture.shown, axis=2).mean(axis=1)
-            found = evaluation(capture, apart)
-            put(f"{name},{1e3 * apart[0]:.2f}," +
-                ",".join(f"{1e3 * found[part]['distance_mean']:.2f}" for part in ("fit", "validation")))
-            with open(os.path.join(a.out, f"{capture.name}_{name}.json"), "w") as file:
-                json.dump(found, file)
+    capture = Capture(a.capture, PARTS)
+    report = Report(a.out, capture)
+    for fabric in a.fabrics:
+        name, script = (fabric, None) if fabric == "blender" else exported(a.weft, a.out, capture, fabric)
+        report.add(name, motion(capture, script, a.steps))
 
 
 main()

@@ -11,6 +11,7 @@
 #include "options.h"
 #include "weft/base/error.h"
 #include "weft/base/text_file.h"
+#include "weft/fabric/arcsim_material.h"
 #include "weft/fabric/blender_cloth.h"
 #include "weft/fabric/mujoco_cloth.h"
 
@@ -19,8 +20,8 @@ namespace {
 
 struct ExportArguments {
   std::string fabric, to, out;
-  double spacing = 0, drag_speed = 0.5;
-  std::optional<double> areal_density, frame_rate, hem_width;
+  double drag_speed = 0.5;
+  std::optional<double> spacing, areal_density, frame_rate, hem_width;
   std::vector<int> cells;
   std::optional<MujocoHold> held;
   bool json = false;
@@ -44,10 +45,26 @@ void refuse_options_of_mujoco(const ExportArguments& arguments) {
   if (arguments.held) throw Error("--hold: is for mujoco");
 }
 
+double needed_spacing(const ExportArguments& arguments) {
+  if (!arguments.spacing) throw Error("--spacing: needed, the numbers are those of one mesh");
+  return *arguments.spacing;
+}
+
+Exported for_arcsim(const Fabric& fabric, const ExportArguments& arguments, double density) {
+  refuse_options_of_mujoco(arguments);
+  if (arguments.frame_rate) throw Error("--frame-rate: is for blender");
+  if (arguments.spacing) throw Error("--spacing: is for blender and mujoco");
+  const ArcsimCloth cloth =
+      arcsim_cloth(fabric, {.areal_density = density, .drag_speed = arguments.drag_speed});
+  Exported exported{{}, cloth.lost, arcsim_text(fabric, cloth)};
+  set_all(exported.settings, settings_of(cloth));
+  return exported;
+}
+
 Exported for_blender(const Fabric& fabric, const ExportArguments& arguments, double density) {
   refuse_options_of_mujoco(arguments);
   BlenderClothOptions options;
-  options.spacing = arguments.spacing;
+  options.spacing = needed_spacing(arguments);
   options.frame_rate = arguments.frame_rate.value_or(options.frame_rate);
   options.areal_density = density;
   options.drag_speed = arguments.drag_speed;
@@ -62,7 +79,7 @@ Exported for_mujoco(const Fabric& fabric, const ExportArguments& arguments, doub
   if (arguments.frame_rate) throw Error("--frame-rate: is for blender");
   if (arguments.cells.empty()) throw Error("--cells: needed, a model has its mesh in it");
   MujocoClothOptions options;
-  options.spacing = arguments.spacing;
+  options.spacing = needed_spacing(arguments);
   options.columns = arguments.cells[0];
   options.rows = arguments.cells[1];
   options.areal_density = density;
@@ -75,13 +92,18 @@ Exported for_mujoco(const Fabric& fabric, const ExportArguments& arguments, doub
   return exported;
 }
 
+Exported for_simulator(const Fabric& fabric, const ExportArguments& arguments, double density) {
+  if (arguments.to == "arcsim") return for_arcsim(fabric, arguments, density);
+  if (arguments.to == "mujoco") return for_mujoco(fabric, arguments, density);
+  return for_blender(fabric, arguments, density);
+}
+
 void run_export(const ExportArguments& arguments) {
   const Fabric fabric = find_fabric(arguments.fabric);
   const auto density = arguments.areal_density ? arguments.areal_density : fabric.areal_density;
   if (!density) throw Error("--areal-density: needed, the fabric has none");
   refuse_same_file({{"--out", arguments.out}}, {{"the fabric that is read", arguments.fabric}});
-  const Exported exported = arguments.to == "mujoco" ? for_mujoco(fabric, arguments, *density)
-                                                     : for_blender(fabric, arguments, *density);
+  const Exported exported = for_simulator(fabric, arguments, *density);
   if (!arguments.out.empty()) write_text(arguments.out, exported.text);
   if (arguments.json) {
     fmt::print(
@@ -103,11 +125,13 @@ void add_export(CLI::App& app) {
   command->add_option("fabric", arguments->fabric, "preset or file")->required();
   command
       ->add_option("--to", arguments->to,
-                   "the simulator: blender, settings of its cloth modifier; mujoco, a model")
+                   "the simulator: arcsim, a material; blender, settings of its cloth modifier; "
+                   "mujoco, a model")
       ->required()
-      ->check(CLI::IsMember({"blender", "mujoco"}));
-  command->add_option("--spacing", arguments->spacing, "m, side of the mesh's quads")
-      ->required()
+      ->check(CLI::IsMember({"arcsim", "blender", "mujoco"}));
+  command
+      ->add_option("--spacing", arguments->spacing,
+                   "m, side of the mesh's quads (blender and mujoco, needed)")
       ->check(number_in(1e-4, 1));
   command
       ->add_option("--frame-rate", arguments->frame_rate,
@@ -133,16 +157,19 @@ void add_export(CLI::App& app) {
       ->check(number_in(0.001, 10));
   command
       ->add_option("--drag-speed", arguments->drag_speed,
-                   "m/s along the normal, where drag is to be right: it is linear there")
+                   "m/s along the normal, where drag is to be right: it is linear in blender and "
+                   "mujoco, quadratic in arcsim")
       ->check(number_in(1e-3, 100))
       ->capture_default_str();
-  command->add_option("--out", arguments->out,
-                      "a file to write: a script to run in Blender, a model for MuJoCo");
+  command->add_option(
+      "--out", arguments->out,
+      "a file to write: a material, a script to run in Blender, a model for MuJoCo");
   command->add_flag("--json", arguments->json, "print JSON");
   command->footer(
       "Examples:\n  weft export out/my_fabric/fabric.toml --to blender --spacing 0.0125 "
       "--frame-rate 30 --out my_fabric.py\n  weft export out/my_fabric/fabric.toml --to mujoco "
-      "--spacing 0.0125 --cells 40 40 --hold corners --out my_fabric.xml");
+      "--spacing 0.0125 --cells 40 40 --hold corners --out my_fabric.xml\n  weft "
+      "export out/my_fabric/fabric.toml --to arcsim --out my_fabric.json");
   command->callback([arguments] { run_export(*arguments); });
 }
 

@@ -103,6 +103,24 @@ TEST_F(Program, ExportsAModel) {
   EXPECT_THAT(refusal(elsewhere), HasSubstr("--cells: is for mujoco"));
 }
 
+TEST_F(Program, ExportsAMaterial) {
+  const std::vector<std::string> words{"export", "satin",           "--to",
+                                       "arcsim", "--areal-density", "0.2"};
+  auto complete = words;
+  complete.insert(complete.end(), {"--out", path("satin.json"), "--json"});
+  const Outcome outcome = weft(complete);
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_GT(nlohmann::json::parse(outcome.out)["settings"]["wind_density"].get<double>(), 0);
+  const Outcome read = weft({"export", path("satin.json"), "--to", "arcsim"});
+  EXPECT_EQ(read.status, 0) << read.err;
+  auto with_spacing = words;
+  with_spacing.insert(with_spacing.end(), {"--spacing", "0.01"});
+  EXPECT_THAT(refusal(with_spacing), HasSubstr("--spacing: is for blender and mujoco"));
+  EXPECT_THAT(
+      refusal({"export", "satin", "--to", "mujoco", "--areal-density", "0.2", "--cells", "4", "3"}),
+      HasSubstr("--spacing: needed"));
+}
+
 TEST_F(Program, SynthesizesACaptureShorterThanItsUsualFitFrames) {
   const Outcome made = weft({"synthesize", "--fabric", "satin", "--out", path("c"), "--frames", "2",
                              "--grid", "9", "--steps-per-frame", "2"});

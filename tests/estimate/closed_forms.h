@@ -51,7 +51,7 @@ inline std::vector<ElasticCase> elastic_cases(double membrane, double bend) {
         fabric.set(row + std::string("_shear"), 0.2 * membrane);
       }
       for (const char* row : {"weft_bend_", "diagonal_bend_", "warp_bend_"})
-        for (const char* p : {"0", "5", "10", "15", "20"}) fabric.set(row + std::string(p), bend);
+        for (const char* p : {"0", "10", "20", "30", "40"}) fabric.set(row + std::string(p), bend);
     } else {
       for (const char* p : {"weft_stretch", "warp_stretch"}) fabric.set(p, membrane);
       // Diagonal springs couple weft and warp: as few of them as the range allows.

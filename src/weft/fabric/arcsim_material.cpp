@@ -2,12 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <iterator>
+#include <limits>
 
 #include "weft/base/error.h"
 #include "weft/base/json_text.h"
+#include "weft/fabric/exported_terms.h"
 
 namespace weft {
 namespace {
@@ -30,23 +33,23 @@ const json& member(const std::filesystem::path& path, const json& file, const ch
   return file.at(key);
 }
 
-/// Appends the rows of a table to `values`.
+template <typename Table>
 void read_table(const std::filesystem::path& path, const json& file, const char* key,
-                std::size_t rows, std::size_t columns, std::vector<double>& values) {
+                Table& values) {
   const json& table = member(path, file, key);
-  if (!table.is_array() || table.size() != rows)
-    fail(path, key, fmt::format("expected {} rows of {} numbers", rows, columns));
-  for (std::size_t r = 0; r < rows; ++r) {
+  if (!table.is_array() || table.size() != static_cast<std::size_t>(values.rows()))
+    fail(path, key, fmt::format("expected {} rows of {} numbers", values.rows(), values.cols()));
+  for (Eigen::Index r = 0; r < values.rows(); ++r) {
+    const json& row = table[static_cast<std::size_t>(r)];
     const std::string name = fmt::format("{}[{}]", key, r);
-    if (!table[r].is_array() || table[r].size() != columns)
-      fail(path, name, fmt::format("expected {} numbers", columns));
-    for (const json& value : table[r]) values.push_back(number(path, name, value));
+    if (!row.is_array() || row.size() != static_cast<std::size_t>(values.cols()))
+      fail(path, name, fmt::format("expected {} numbers", values.cols()));
+    for (Eigen::Index c = 0; c < values.cols(); ++c)
+      values(r, c) = number(path, name, row[static_cast<std::size_t>(c)]);
   }
 }
 
-}  // namespace
-
-Fabric read_arcsim_material(const std::filesystem::path& path) {
+ArcsimMaterial read_numbers(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   if (!in) throw error_at({path, 0, {}}, "cannot be read");
   const std::string text((std::istreambuf_iterator<char>(in)), {});
@@ -55,24 +58,187 @@ Fabric read_arcsim_material(const std::filesystem::path& path) {
   for (const auto& [key, value] : file.items())
     if (key != "density" && key != "stretching" && key != "bending")
       fail(path, key, "not known; known: density, stretching, bending");
-  std::vector<double> values;
-  read_table(path, file, "stretching", 6, 4, values);
-  read_table(path, file, "bending", 3, 5, values);
+  ArcsimMaterial material;
+  read_table(path, file, "stretching", material.stretching);
+  read_table(path, file, "bending", material.bending);
+  material.density = number(path, "density", member(path, file, "density"));
+  if (!(material.density >= 1e-3 && material.density <= 100))
+    fail(path, "density", fmt::format("{} kg/m^2 is outside [0.001, 100]", material.density));
+  return material;
+}
+
+constexpr double kMembraneOfTable = 2;   // stress by strain, of a number of `stretching`
+constexpr double kPlateOfHinges = 0.25;  // N m, of a number of `bending`
+
+constexpr Eigen::Index kStretchingCount = 24;
+using RowsOfSix = Eigen::Matrix<double, 6, 4, Eigen::RowMajor>;
+using RowsOfThree = Eigen::Matrix<double, 3, 5, Eigen::RowMajor>;
+
+/// Rows of `bending` are by the edge, those of the model by the curvature, which is across it.
+Eigen::Matrix<double, 3, 5> across(const Eigen::Matrix<double, 3, 5>& rows) {
+  return rows.colwise().reverse();
+}
+
+/// In the order of the parameters of "piecewise-linear".
+VecX parameters_of(const ArcsimMaterial& material) {
+  VecX values(39);
+  Eigen::Map<RowsOfSix>(values.data()) = kMembraneOfTable * material.stretching;
+  Eigen::Map<RowsOfThree>(values.data() + kStretchingCount) =
+      kPlateOfHinges * across(material.bending);
+  return values;
+}
+
+ArcsimCloth of_table(const Fabric& fabric) {
+  ArcsimCloth cloth;
+  const VecX values = fabric.values.head(39);
+  cloth.material.stretching = Eigen::Map<const RowsOfSix>(values.data()) / kMembraneOfTable;
+  cloth.material.bending =
+      across(Eigen::Map<const RowsOfThree>(values.data() + kStretchingCount)) / kPlateOfHinges;
+  if (fabric.values.size() > 39) cloth.lost.emplace_back("There is no internal friction.");
+  const auto& bending = cloth.material.bending;
+  if (((bending.colwise() - bending.col(0)).array() != 0).any())
+    cloth.lost.emplace_back(
+        "The table of bending holds for folds to one side; for those to the other ARCSim 0.3.1 "
+        "goes on "
+        "with the slope of its first two columns, below a curvature of zero.");
+  return cloth;
+}
+
+/// One time for all stiffnesses.
+double least_damping(const Fabric& fabric, std::vector<std::string>& lost) {
+  struct Ratio {
+    std::string_view of;
+    double time;
+  };
+  std::vector<Ratio> ratios;
+  for (const std::string_view of : {"stretch", "shear", "bend"})
+    ratios.push_back({of, fabric.value(fmt::format("{}_damping", of)) /
+                              fabric.value(fmt::format("{}_stiffness", of))});
+  const double least = std::ranges::min_element(ratios, {}, &Ratio::time)->time;
+  std::string others;
+  for (const Ratio& ratio : ratios)
+    if (ratio.time > (1 + kWorthSaying) * least)
+      others += fmt::format("{}{:.3g} s of {}", others.empty() ? "" : ", ", ratio.time, ratio.of);
+  if (!others.empty())
+    lost.push_back(fmt::format(
+        "Damping is {:.3g} s times each stiffness, the least that the fabric has; it has {}.",
+        least, others));
+  return least;
+}
+
+/// N s^2/m^4.
+double quadratic_drag(const Fabric& fabric, double speed, std::vector<std::string>& lost) {
+  const double linear = value_or_none(fabric, "drag_normal_linear") / speed;
+  const double quadratic = fabric.value("drag_quadratic");
+  const double drag = linear + quadratic / (1 + fabric.value("drag_degradation") * speed * speed);
+  if (std::abs(drag - quadratic) > kWorthSaying * drag)
+    lost.push_back(fmt::format(
+        "Drag along the normal is {:.3g} N s^2/m^4 at every speed: as the fabric's at {:g} m/s.",
+        drag, speed));
+  return drag;
+}
+
+double shear_of(const Fabric& fabric, std::vector<std::string>& lost) {
+  const double diagonals = value_or_none(fabric, "diagonal_stiffness") / 4;
+  if (diagonals > kWorthSaying * fabric.value("shear_stiffness"))
+    lost.push_back(fmt::format(
+        "Shear is {:.3g} N/m whatever the threads do; the fabric's diagonals act in tension only, "
+        "and resist as much while one of them is slack.",
+        diagonals + fabric.value("shear_stiffness")));
+  return diagonals + fabric.value("shear_stiffness");
+}
+
+/// Of cells whose diagonals alternate: between their hinges vertices give way.
+double along_threads_of_alternating(double thread, double diagonal) {
+  return thread * (thread + 4 * diagonal) / (2 * thread + 4 * diagonal);
+}
+
+ArcsimCloth of_motion(const Fabric& fabric, const ArcsimClothOptions& options) {
+  ArcsimCloth cloth;
+  const double stretch = fabric.value("stretch_stiffness") / kMembraneOfTable;
+  cloth.material.stretching.rowwise() =
+      Eigen::RowVector4d(stretch, 0, stretch, shear_of(fabric, cloth.lost));
+  const double bend = fabric.value("bend_stiffness"), twist = twist_of(fabric);
+  const double diagonal = (bend + twist) / 2;
+  cloth.material.bending.colwise() = Vec3(bend, diagonal, bend) / kPlateOfHinges;
+  cloth.lost.push_back(fmt::format(
+      "Bend depends on the mesh: {:.3g} N m of a strip with edges across it, {:.3g} along the "
+      "threads "
+      "of a grid whose diagonals alternate; twist is {:.3g} there, the fabric has {:.3g}.",
+      bend, along_threads_of_alternating(bend, diagonal), 2 * diagonal, twist));
+  cloth.damping = least_damping(fabric, cloth.lost);
+  cloth.wind_density = quadratic_drag(fabric, options.drag_speed, cloth.lost);
+  cloth.wind_drag = fabric.value("drag_linear");
+  return cloth;
+}
+
+}  // namespace
+
+Fabric read_arcsim_material(const std::filesystem::path& path) {
+  const ArcsimMaterial material = read_numbers(path);
   Fabric fabric = Fabric::with_defaults(path.stem().string(), "piecewise-linear");
-  fabric.values = Eigen::Map<const VecX>(values.data(), static_cast<Eigen::Index>(values.size()));
+  fabric.values = parameters_of(material);
   for (int i = 0; i < fabric.values.size(); ++i) {
     const ParameterInfo info = fabric.info(i);
     if (!(fabric.values[i] >= info.lower && fabric.values[i] <= info.upper))
-      fail(path, i < 24 ? "stretching" : "bending",
-           fmt::format("{} {} is outside [{}, {}]", fabric.values[i], info.unit, info.lower,
-                       info.upper));
+      fail(path, i < kStretchingCount ? "stretching" : "bending",
+           fmt::format("{} of {} {} is outside [{}, {}]", info.name, fabric.values[i], info.unit,
+                       info.lower, info.upper));
   }
-  const double density = number(path, "density", member(path, file, "density"));
-  if (!(density >= 1e-3 && density <= 100))
-    fail(path, "density", fmt::format("{} kg/m^2 is outside [0.001, 100]", density));
-  fabric.areal_density = density;
+  fabric.areal_density = material.density;
   fabric.provenance = fmt::format("ARCSim material {}", path.filename().string());
   return fabric;
+}
+
+ArcsimCloth arcsim_cloth(const Fabric& fabric, const ArcsimClothOptions& options) {
+  require_positive("an areal density", options.areal_density, "kg/m^2");
+  require_positive("the speed of drag", options.drag_speed, "m/s");
+  const bool table = fabric.model == "piecewise-linear";
+  if (!table) require_motion_model(fabric);
+  ArcsimCloth cloth = table ? of_table(fabric) : of_motion(fabric, options);
+  cloth.material.density = options.areal_density;
+  return cloth;
+}
+
+std::vector<std::pair<std::string, double>> settings_of(const ArcsimCloth& cloth) {
+  return {{"damping", cloth.damping},
+          {"wind_density", cloth.wind_density},
+          {"wind_drag", cloth.wind_drag}};
+}
+
+std::string arcsim_text(const Fabric& fabric, const ArcsimCloth& cloth) {
+  const auto table = [](const auto& values) {
+    std::string rows;
+    for (const auto& row : values.rowwise()) {
+      std::string numbers;
+      for (const double value : row)
+        numbers += fmt::format("{}{:.9g}", numbers.empty() ? "" : ", ", value);
+      rows += fmt::format("{}        [{}]", rows.empty() ? "" : ",\n", numbers);
+    }
+    return rows;
+  };
+  std::string lost = cloth.lost.empty() ? "" : "//\n// What ARCSim cannot express:\n";
+  for (const std::string& sentence : cloth.lost) lost += fmt::format("// - {}\n", sentence);
+  return fmt::format(
+      R"json(// Material of ARCSim (0.3.1) for {name}, a fabric that weft estimated. Beside it the scene has
+//   "cloths": [{{..., "remeshing": {{"size": [0.001, 1]}}, "materials": [{{"data": THIS FILE, "damping": {damping:.9g}}}]}}],
+//   "wind": {{"density": {wind:.9g}, "drag": {drag:.9g}}}
+// Without a size of "remeshing" above 0 ARCSim gives its elements no stiffness.
+{lost}{{
+    "density": {density:.9g},
+    "stretching": [
+{stretching}
+    ],
+    "bending": [
+{bending}
+    ]
+}}
+)json",
+      fmt::arg("name", json(fabric.name).dump()), fmt::arg("damping", cloth.damping),
+      fmt::arg("wind", cloth.wind_density), fmt::arg("drag", cloth.wind_drag),
+      fmt::arg("lost", lost), fmt::arg("density", cloth.material.density),
+      fmt::arg("stretching", table(cloth.material.stretching)),
+      fmt::arg("bending", table(cloth.material.bending)));
 }
 
 }  // namespace weft

@@ -59,7 +59,7 @@ std::span<const ParameterInfo> baraff_witkin_parameters();
 /// - "piecewise-linear": six rows of a table of membrane stiffness (rest, weft, deg22, deg45,
 /// deg67,
 ///   warp; each _uu, _uv, _vv, _shear) and three of bending stiffness (weft_bend, diagonal_bend,
-///   warp_bend; each _0, _5, _10, _15, _20 1/m).
+///   warp_bend; each _0, _10, _20, _30, _40 1/m).
 std::span<const ParameterInfo> model_parameters(std::string_view model);
 std::vector<std::string_view> model_names();
 

@@ -14,7 +14,7 @@ namespace {
 constexpr int kAngles = 5, kRows = kAngles + 1, kEntries = 4;
 constexpr double kTableStretch = 1.0 / 6;  // principal stretch - 1 of the rows with an angle
 constexpr int kCurvatures = 5;
-constexpr double kCurvatureStep = 5;  // 1/m
+constexpr double kCurvatureStep = 10;  // 1/m
 constexpr double kTiny = 1e-12;
 
 SecondOrder smooth_step(const SecondOrder& t) {

@@ -32,7 +32,7 @@
 /// K_uv^2), again the work along the ray of M = (D_u(r) K_uu, D_v(r) K_vv, 2 D_t(r) K_uv), with D_u
 /// and D_v the table at 0 and 90 degrees and 2 D_t such that a cylinder at 45 degrees has the
 /// table's 45 degree stiffness: 4 D_45 = D_u + D_v + 4 D_t (where the table makes that negative,
-/// zero). Rows of the table are linear between the curvatures 0, 5, 10, 15 and 20 1/m, constant
+/// zero). Rows of the table are linear between the curvatures 0, 10, 20, 30 and 40 1/m, constant
 /// beyond.
 #include <memory>
 
