@@ -48,7 +48,8 @@ def main():
         name = name_of(fabric)
         folder = os.path.join(a.out, f"{capture.name}_{name}")
         os.makedirs(folder, exist_ok=True)
-        settings = exported(a.weft, fabric, os.path.join(folder, "material.json"), "--areal-density", str(capture.density))
+        settings = exported(a.weft, fabric, os.path.join(folder, "material.json"), "--areal-density", str(capture.density),
+                            "--mesh", "alternating")
         report.add(name, motion(a.arcsim, folder, settings, capture, a.steps))
 
 

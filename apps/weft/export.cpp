@@ -24,6 +24,7 @@ struct ExportArguments {
   std::optional<double> spacing, areal_density, frame_rate, hem_width;
   std::vector<int> cells;
   std::optional<MujocoHold> held;
+  std::optional<ArcsimMesh> mesh;
   bool json = false;
 };
 
@@ -50,12 +51,18 @@ double needed_spacing(const ExportArguments& arguments) {
   return *arguments.spacing;
 }
 
+void refuse_options_of_arcsim(const ExportArguments& arguments) {
+  if (arguments.mesh) throw Error("--mesh: is for arcsim");
+}
+
 Exported for_arcsim(const Fabric& fabric, const ExportArguments& arguments, double density) {
   refuse_options_of_mujoco(arguments);
   if (arguments.frame_rate) throw Error("--frame-rate: is for blender");
   if (arguments.spacing) throw Error("--spacing: is for blender and mujoco");
   const ArcsimCloth cloth =
-      arcsim_cloth(fabric, {.areal_density = density, .drag_speed = arguments.drag_speed});
+      arcsim_cloth(fabric, {.areal_density = density,
+                            .drag_speed = arguments.drag_speed,
+                            .mesh = arguments.mesh.value_or(ArcsimMesh::any)});
   Exported exported{{}, cloth.lost, arcsim_text(fabric, cloth)};
   set_all(exported.settings, settings_of(cloth));
   return exported;
@@ -63,6 +70,7 @@ Exported for_arcsim(const Fabric& fabric, const ExportArguments& arguments, doub
 
 Exported for_blender(const Fabric& fabric, const ExportArguments& arguments, double density) {
   refuse_options_of_mujoco(arguments);
+  refuse_options_of_arcsim(arguments);
   BlenderClothOptions options;
   options.spacing = needed_spacing(arguments);
   options.frame_rate = arguments.frame_rate.value_or(options.frame_rate);
@@ -76,6 +84,7 @@ Exported for_blender(const Fabric& fabric, const ExportArguments& arguments, dou
 }
 
 Exported for_mujoco(const Fabric& fabric, const ExportArguments& arguments, double density) {
+  refuse_options_of_arcsim(arguments);
   if (arguments.frame_rate) throw Error("--frame-rate: is for blender");
   if (arguments.cells.empty()) throw Error("--cells: needed, a model has its mesh in it");
   MujocoClothOptions options;
@@ -152,6 +161,13 @@ void add_export(CLI::App& app) {
           std::map<std::string, MujocoHold>{{"none", MujocoHold::none},
                                             {"corners", MujocoHold::corners},
                                             {"edge", MujocoHold::edge}}));
+  command
+      ->add_option("--mesh", arguments->mesh,
+                   "what bend is to be right on (arcsim): any mesh, each as near as its edges lie "
+                   "across the "
+                   "bend, or a grid along the threads whose diagonals alternate")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, ArcsimMesh>{
+          {"any", ArcsimMesh::any}, {"alternating", ArcsimMesh::alternating}}));
   command
       ->add_option("--areal-density", arguments->areal_density, "kg/m^2; default: the fabric's own")
       ->check(number_in(0.001, 10));

@@ -113,6 +113,12 @@ TEST_F(Program, ExportsAMaterial) {
   EXPECT_GT(nlohmann::json::parse(outcome.out)["settings"]["wind_density"].get<double>(), 0);
   const Outcome read = weft({"export", path("satin.json"), "--to", "arcsim"});
   EXPECT_EQ(read.status, 0) << read.err;
+  auto of_a_grid = words;
+  of_a_grid.insert(of_a_grid.end(), {"--mesh", "alternating"});
+  EXPECT_THAT(weft(of_a_grid).out, HasSubstr("a grid along the threads whose diagonals alternate"));
+  EXPECT_THAT(refusal({"export", "satin", "--to", "blender", "--areal-density", "0.2", "--spacing",
+                       "0.01", "--mesh", "any"}),
+              HasSubstr("--mesh: is for arcsim"));
   auto with_spacing = words;
   with_spacing.insert(with_spacing.end(), {"--spacing", "0.01"});
   EXPECT_THAT(refusal(with_spacing), HasSubstr("--spacing: is for blender and mujoco"));

@@ -99,8 +99,7 @@ ArcsimCloth of_table(const Fabric& fabric) {
   if (((bending.colwise() - bending.col(0)).array() != 0).any())
     cloth.lost.emplace_back(
         "The table of bending holds for folds to one side; for those to the other ARCSim 0.3.1 "
-        "goes on "
-        "with the slope of its first two columns, below a curvature of zero.");
+        "goes on with the slope of its first two columns, below a curvature of zero.");
   return cloth;
 }
 
@@ -148,9 +147,40 @@ double shear_of(const Fabric& fabric, std::vector<std::string>& lost) {
   return diagonals + fabric.value("shear_stiffness");
 }
 
-/// Of cells whose diagonals alternate: between their hinges vertices give way.
-double along_threads_of_alternating(double thread, double diagonal) {
-  return thread * (thread + 4 * diagonal) / (2 * thread + 4 * diagonal);
+/// N m, of the hinges along the threads, in either direction, and on the diagonals.
+struct Hinges {
+  double threads, diagonals;
+};
+
+Hinges hinges_of(double bend, double twist, ArcsimMesh mesh) {
+  if (mesh == ArcsimMesh::any)
+    return {bend / kPlateOfHinges, 0.5 * (bend + twist) / kPlateOfHinges};
+  return {(bend - twist + std::hypot(bend, twist)) / kPlateOfHinges, 2 * twist};
+}
+
+/// What a grid whose diagonals alternate is with these hinges.
+struct Plate {
+  double along, coupling, twist;
+};
+Plate plate_of(const Hinges& h) {
+  const double share = h.threads / (8 * (h.threads + 2 * h.diagonals));
+  return {share * (h.threads + 4 * h.diagonals), -share * h.threads, 0.5 * h.diagonals};
+}
+
+std::string what_bends(const Hinges& hinges, double bend, double twist, ArcsimMesh mesh) {
+  const Plate plate = plate_of(hinges);
+  if (mesh == ArcsimMesh::any)
+    return fmt::format(
+        "Bend depends on the mesh: {:.3g} N m of a strip with edges across it, {:.3g} along the "
+        "threads of a grid whose diagonals alternate; twist is {:.3g} there, the fabric has "
+        "{:.3g}.",
+        bend, plate.along, plate.twist, twist);
+  return fmt::format(
+      "Bend is that of a grid along the threads whose diagonals alternate, other meshes bend "
+      "otherwise; curvatures along weft and warp are coupled there by {:.3g} N m, at 45 degrees it "
+      "is "
+      "{:.3g}, the fabric has {:.3g}.",
+      plate.coupling, 0.5 * (plate.along + plate.coupling + plate.twist), 0.5 * (bend + twist));
 }
 
 ArcsimCloth of_motion(const Fabric& fabric, const ArcsimClothOptions& options) {
@@ -159,13 +189,9 @@ ArcsimCloth of_motion(const Fabric& fabric, const ArcsimClothOptions& options) {
   cloth.material.stretching.rowwise() =
       Eigen::RowVector4d(stretch, 0, stretch, shear_of(fabric, cloth.lost));
   const double bend = fabric.value("bend_stiffness"), twist = twist_of(fabric);
-  const double diagonal = (bend + twist) / 2;
-  cloth.material.bending.colwise() = Vec3(bend, diagonal, bend) / kPlateOfHinges;
-  cloth.lost.push_back(fmt::format(
-      "Bend depends on the mesh: {:.3g} N m of a strip with edges across it, {:.3g} along the "
-      "threads "
-      "of a grid whose diagonals alternate; twist is {:.3g} there, the fabric has {:.3g}.",
-      bend, along_threads_of_alternating(bend, diagonal), 2 * diagonal, twist));
+  const Hinges hinges = hinges_of(bend, twist, options.mesh);
+  cloth.material.bending.colwise() = Vec3(hinges.threads, hinges.diagonals, hinges.threads);
+  cloth.lost.push_back(what_bends(hinges, bend, twist, options.mesh));
   cloth.damping = least_damping(fabric, cloth.lost);
   cloth.wind_density = quadratic_drag(fabric, options.drag_speed, cloth.lost);
   cloth.wind_drag = fabric.value("drag_linear");
@@ -195,6 +221,8 @@ ArcsimCloth arcsim_cloth(const Fabric& fabric, const ArcsimClothOptions& options
   require_positive("the speed of drag", options.drag_speed, "m/s");
   const bool table = fabric.model == "piecewise-linear";
   if (!table) require_motion_model(fabric);
+  if (table && options.mesh != ArcsimMesh::any)
+    throw Error(fmt::format("fabric \"{}\" is a table, which is for any mesh", fabric.name));
   ArcsimCloth cloth = table ? of_table(fabric) : of_motion(fabric, options);
   cloth.material.density = options.areal_density;
   return cloth;

@@ -32,9 +32,14 @@ struct ArcsimMaterial {
 /// Error, with file and key, for anything else.
 Fabric read_arcsim_material(const std::filesystem::path& path);
 
+/// What a bend is right on: meshes whose edges lie across it, whatever they are, or a grid along
+/// the threads whose diagonals alternate, as weft's do.
+enum class ArcsimMesh { any, alternating };
+
 struct ArcsimClothOptions {
   double areal_density = 0.2;  ///< kg/m^2, > 0
   double drag_speed = 0.5;     ///< m/s along the normal, where drag is to be right, > 0
+  ArcsimMesh mesh = ArcsimMesh::any;
 };
 
 /// A material, and what a scene says beside it.
@@ -50,11 +55,17 @@ struct ArcsimCloth {
 /// The material with which ARCSim is `fabric`, of a motion model or "piecewise-linear"; of the
 /// latter it is the inverse of read_arcsim_material().
 ///
-/// Bending is that of strips whose edges lie across them, at 0, 45 and 90 degrees. Damping is
+/// Bending of a motion model's is that of strips whose edges lie across them, at 0, 45 and 90
+/// degrees, or on a grid whose diagonals alternate that along the threads, and twist. There
+/// vertices between hinges give way: with k along the threads and k_d on the diagonals the plate is
+///
+///     D11 = D22 = k (k + 4 k_d) / (8 (k + 2 k_d)),  D12 = -k^2 / (8 (k + 2 k_d)),  twist k_d / 2,
+///
+/// so that bend B and twist T take k = 4 (B - T + sqrt(B^2 + T^2)) and k_d = 2 T. Damping is
 /// there one time for all of a material's stiffnesses: the smallest of those that the fabric has,
 /// so that nothing is damped more than in the fabric. Diagonals that act in tension only become
 /// shear as the fabric's while one of them is slack, diagonal_stiffness / 4. Throws Error for a
-/// fabric of another model, or one with internal friction, and for options out of range.
+/// fabric of another model, for a table on a mesh of its own, and for options out of range.
 ArcsimCloth arcsim_cloth(const Fabric& fabric, const ArcsimClothOptions& options);
 
 /// By their names in a scene.
