@@ -59,13 +59,14 @@ struct ArcsimCloth {
 /// degrees, or on a grid whose diagonals alternate that along the threads, and twist. There
 /// vertices between hinges give way: with k along the threads and k_d on the diagonals the plate is
 ///
-///     D11 = D22 = k (k + 4 k_d) / (8 (k + 2 k_d)),  D12 = -k^2 / (8 (k + 2 k_d)),  twist k_d / 2,
+///     D11 = D22 = k (k + 4 k_d) / (8 (k + 2 k_d)),  D12 = -k^2 / (8 (k + 2 k_d)),  twist k_d / 2
 ///
-/// so that bend B and twist T take k = 4 (B - T + sqrt(B^2 + T^2)) and k_d = 2 T. Damping is
-/// there one time for all of a material's stiffnesses: the smallest of those that the fabric has,
-/// so that nothing is damped more than in the fabric. Diagonals that act in tension only become
-/// shear as the fabric's while one of them is slack, diagonal_stiffness / 4. Throws Error for a
-/// fabric of another model, for a table on a mesh of its own, and for options out of range.
+/// (a strip with free edges has D11 - D12^2 / D22), so that bend B and twist T take k = 4 (B - T +
+/// sqrt(B^2 + T^2)) and k_d = 2 T. Damping is there one time for all of a material's stiffnesses:
+/// the smallest of those that the fabric has, so that nothing is damped more than in the fabric.
+/// Diagonals that act in tension only become shear as the fabric's while one of them is slack,
+/// diagonal_stiffness / 4. Throws Error for a fabric of another model, for a table on a mesh of its
+/// own, and for options out of range.
 ArcsimCloth arcsim_cloth(const Fabric& fabric, const ArcsimClothOptions& options);
 
 /// By their names in a scene.
