@@ -162,9 +162,10 @@ void add_export(CLI::App& app) {
                                             {"corners", MujocoHold::corners},
                                             {"edge", MujocoHold::edge}}));
   command
-      ->add_option("--mesh", arguments->mesh,
-                   "what bend is to be right on (arcsim): any mesh, as near as its edges lie across "
-                   "the bend, or a grid along the threads whose diagonals alternate")
+      ->add_option(
+          "--mesh", arguments->mesh,
+          "what bend is to be right on (arcsim): any mesh, as near as its edges lie across "
+          "the bend, or a grid along the threads whose diagonals alternate")
       ->transform(CLI::CheckedTransformer(std::map<std::string, ArcsimMesh>{
           {"any", ArcsimMesh::any}, {"alternating", ArcsimMesh::alternating}}));
   command
