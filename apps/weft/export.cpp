@@ -1,9 +1,10 @@
-#include <fmt/core.h>
+#include <fmt/format.h>
 
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -40,10 +41,18 @@ void set_all(nlohmann::ordered_json& settings,
   for (const auto& [name, value] : values) settings[name] = value;
 }
 
-void refuse_options_of_mujoco(const ExportArguments& arguments) {
-  if (!arguments.cells.empty()) throw Error("--cells: is for mujoco");
-  if (arguments.hem_width) throw Error("--hem-width: is for mujoco");
-  if (arguments.held) throw Error("--hold: is for mujoco");
+void refuse_options_of_others(const ExportArguments& arguments) {
+  const auto refuse = [&](bool given, std::string_view option, std::string_view simulator) {
+    if (given && arguments.to != simulator)
+      throw Error(fmt::format("{}: is for {}", option, simulator));
+  };
+  refuse(arguments.frame_rate.has_value(), "--frame-rate", "blender");
+  refuse(!arguments.cells.empty(), "--cells", "mujoco");
+  refuse(arguments.hem_width.has_value(), "--hem-width", "mujoco");
+  refuse(arguments.held.has_value(), "--hold", "mujoco");
+  refuse(arguments.mesh.has_value(), "--mesh", "arcsim");
+  if (arguments.spacing && arguments.to == "arcsim")
+    throw Error("--spacing: is for blender and mujoco");
 }
 
 double needed_spacing(const ExportArguments& arguments) {
@@ -51,14 +60,7 @@ double needed_spacing(const ExportArguments& arguments) {
   return *arguments.spacing;
 }
 
-void refuse_options_of_arcsim(const ExportArguments& arguments) {
-  if (arguments.mesh) throw Error("--mesh: is for arcsim");
-}
-
 Exported for_arcsim(const Fabric& fabric, const ExportArguments& arguments, double density) {
-  refuse_options_of_mujoco(arguments);
-  if (arguments.frame_rate) throw Error("--frame-rate: is for blender");
-  if (arguments.spacing) throw Error("--spacing: is for blender and mujoco");
   const ArcsimCloth cloth =
       arcsim_cloth(fabric, {.areal_density = density,
                             .drag_speed = arguments.drag_speed,
@@ -69,8 +71,6 @@ Exported for_arcsim(const Fabric& fabric, const ExportArguments& arguments, doub
 }
 
 Exported for_blender(const Fabric& fabric, const ExportArguments& arguments, double density) {
-  refuse_options_of_mujoco(arguments);
-  refuse_options_of_arcsim(arguments);
   BlenderClothOptions options;
   options.spacing = needed_spacing(arguments);
   options.frame_rate = arguments.frame_rate.value_or(options.frame_rate);
@@ -84,8 +84,6 @@ Exported for_blender(const Fabric& fabric, const ExportArguments& arguments, dou
 }
 
 Exported for_mujoco(const Fabric& fabric, const ExportArguments& arguments, double density) {
-  refuse_options_of_arcsim(arguments);
-  if (arguments.frame_rate) throw Error("--frame-rate: is for blender");
   if (arguments.cells.empty()) throw Error("--cells: needed, a model has its mesh in it");
   MujocoClothOptions options;
   options.spacing = needed_spacing(arguments);
@@ -102,6 +100,7 @@ Exported for_mujoco(const Fabric& fabric, const ExportArguments& arguments, doub
 }
 
 Exported for_simulator(const Fabric& fabric, const ExportArguments& arguments, double density) {
+  refuse_options_of_others(arguments);
   if (arguments.to == "arcsim") return for_arcsim(fabric, arguments, density);
   if (arguments.to == "mujoco") return for_mujoco(fabric, arguments, density);
   return for_blender(fabric, arguments, density);

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <fstream>
 #include <iterator>
-#include <limits>
 
 #include "weft/base/error.h"
 #include "weft/base/json_text.h"
@@ -70,9 +69,10 @@ ArcsimMaterial read_numbers(const std::filesystem::path& path) {
 constexpr double kMembraneOfTable = 2;   // stress by strain, of a number of `stretching`
 constexpr double kPlateOfHinges = 0.25;  // N m, of a number of `bending`
 
-constexpr Eigen::Index kStretchingCount = 24;
 using RowsOfSix = Eigen::Matrix<double, 6, 4, Eigen::RowMajor>;
 using RowsOfThree = Eigen::Matrix<double, 3, 5, Eigen::RowMajor>;
+constexpr Eigen::Index kStretchingCount = RowsOfSix::SizeAtCompileTime;
+constexpr Eigen::Index kTableCount = kStretchingCount + RowsOfThree::SizeAtCompileTime;
 
 /// Rows of `bending` are by the edge, those of the model by the curvature, which is across it.
 Eigen::Matrix<double, 3, 5> across(const Eigen::Matrix<double, 3, 5>& rows) {
@@ -81,7 +81,7 @@ Eigen::Matrix<double, 3, 5> across(const Eigen::Matrix<double, 3, 5>& rows) {
 
 /// In the order of the parameters of "piecewise-linear".
 VecX parameters_of(const ArcsimMaterial& material) {
-  VecX values(39);
+  VecX values(kTableCount);
   Eigen::Map<RowsOfSix>(values.data()) = kMembraneOfTable * material.stretching;
   Eigen::Map<RowsOfThree>(values.data() + kStretchingCount) =
       kPlateOfHinges * across(material.bending);
@@ -90,11 +90,11 @@ VecX parameters_of(const ArcsimMaterial& material) {
 
 ArcsimCloth of_table(const Fabric& fabric) {
   ArcsimCloth cloth;
-  const VecX values = fabric.values.head(39);
+  const VecX values = fabric.values.head(kTableCount);
   cloth.material.stretching = Eigen::Map<const RowsOfSix>(values.data()) / kMembraneOfTable;
   cloth.material.bending =
       across(Eigen::Map<const RowsOfThree>(values.data() + kStretchingCount)) / kPlateOfHinges;
-  if (fabric.values.size() > 39) cloth.lost.emplace_back("There is no internal friction.");
+  if (fabric.values.size() > kTableCount) cloth.lost.emplace_back("There is no internal friction.");
   const auto& bending = cloth.material.bending;
   if (((bending.colwise() - bending.col(0)).array() != 0).any())
     cloth.lost.emplace_back(
@@ -127,10 +127,8 @@ double least_damping(const Fabric& fabric, std::vector<std::string>& lost) {
 
 /// N s^2/m^4.
 double quadratic_drag(const Fabric& fabric, double speed, std::vector<std::string>& lost) {
-  const double linear = value_or_none(fabric, "drag_normal_linear") / speed;
-  const double quadratic = fabric.value("drag_quadratic");
-  const double drag = linear + quadratic / (1 + fabric.value("drag_degradation") * speed * speed);
-  if (std::abs(drag - quadratic) > kWorthSaying * drag)
+  const double drag = normal_drag(fabric, speed) / speed;
+  if (std::abs(drag - fabric.value("drag_quadratic")) > kWorthSaying * drag)
     lost.push_back(fmt::format(
         "Drag along the normal is {:.3g} N s^2/m^4 at every speed: as the fabric's at {:g} m/s.",
         drag, speed));

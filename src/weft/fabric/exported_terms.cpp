@@ -25,10 +25,15 @@ double twist_of(const Fabric& fabric) {
                                                                 : "bend_stiffness");
 }
 
+double normal_drag(const Fabric& fabric, double speed) {
+  return value_or_none(fabric, "drag_normal_linear") +
+         fabric.value("drag_quadratic") * speed /
+             (1 + fabric.value("drag_degradation") * speed * speed);
+}
+
 double linear_drag(const Fabric& fabric, double speed, std::vector<std::string>& lost) {
-  const double quadratic = fabric.value("drag_quadratic") * speed /
-                           (1 + fabric.value("drag_degradation") * speed * speed);
-  const double drag = value_or_none(fabric, "drag_normal_linear") + quadratic;
+  const double drag = normal_drag(fabric, speed);
+  const double quadratic = drag - value_or_none(fabric, "drag_normal_linear");
   const double tangential = fabric.value("drag_linear");
   if (quadratic > kWorthSaying * drag)
     lost.push_back(fmt::format(
