@@ -8,6 +8,7 @@
 
 #include "mechanical.h"
 #include "weft/base/error.h"
+#include "weft/report/text.h"
 
 namespace weft::app {
 namespace {
@@ -29,8 +30,7 @@ std::string stage_title(const CurveFitStage& stage) {
   std::string title = stage.name;
   const std::string points = fmt::format(", {} points", stage.points);
   if (const auto at = title.find(points); at != std::string::npos) title.erase(at, points.size());
-  std::ranges::replace(title, '_', ' ');
-  return title;
+  return in_words(title);
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ namespace {
 constexpr double kProbabilities[] = {0.05, 0.25, 0.5, 0.75, 0.95};
 constexpr std::size_t kMostRows = 20000;  // of posterior.csv
 // Of the error: start surfaces of older versions have nine digits.
-constexpr double kSameError = 1e-3;
+constexpr double kSameLeastError = 1e-3;
 
 struct PosteriorArguments {
   std::string fit;
@@ -102,7 +102,7 @@ class TrueCost {
     store_.emplace(folder / "evaluations.sqlite");
     least_ = error_at(e.scaled);
     check_error(e, folder,
-                {least_, kSameError,
+                {least_, kSameLeastError,
                  "with these options of simulating and comparing; give those of the fit "
                  "(--grid, ...)"});
   }

@@ -3,6 +3,13 @@
 #include <Eigen/Dense>
 
 namespace weft {
+namespace {
+
+// Directions whose sum is shorter are opposite: the axis of a turn between them is lost in the
+// digits.
+constexpr double kOpposite = 1e-8;
+
+}  // namespace
 
 SymmetricEigen symmetric_eigen(const MatX& matrix) {
   const Eigen::SelfAdjointEigenSolver<MatX> solver(matrix);
@@ -26,7 +33,17 @@ Mat3 nearest_rotation(const SingularValues3& of) {
 }
 
 Mat3 turn_between(const Vec3& from, const Vec3& to) {
-  return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+  const Vec3 a = from.normalized(), b = to.normalized();
+  const Vec3 between = a + b;  // twice the cosine of half the turn long
+  const double length = between.norm();
+  if (length < kOpposite) {
+    const Vec3 axis = a.unitOrthogonal();
+    return 2 * axis * axis.transpose() - Mat3::Identity();
+  }
+  const Vec3 half = a.cross(between) / length;
+  return Eigen::Quaterniond(0.5 * length, half.x(), half.y(), half.z())
+      .normalized()
+      .toRotationMatrix();
 }
 
 MatX solve_symmetric(const MatX& a, const MatX& b) { return a.ldlt().solve(b); }
@@ -42,6 +59,8 @@ MatX inverse_of_cholesky_factor(const MatX& a) {
 }
 
 MatX inverse(const MatX& a) { return a.inverse(); }
+
+MatX congruence(const MatX& a, const MatX& b) { return b.transpose() * a * b; }
 
 MatX least_squares_solution(const MatX& a, const MatX& b) {
   return a.colPivHouseholderQr().solve(b);

@@ -39,9 +39,24 @@ Mat3 turn_between(const Vec3& from, const Vec3& to);
 MatX solve_symmetric(const MatX& a, const MatX& b);
 /// The same of a positive definite one (Cholesky); nothing where it is not.
 std::optional<MatX> solve_positive(const MatX& a, const MatX& b);
+/// Has a symmetric matrix, of which the lower triangle is read, a Cholesky factor? Inline, for the
+/// loops over elements.
+template <int N>
+bool is_positive_definite(Eigen::Matrix<double, N, N> a) {
+  for (int k = 0; k < N; ++k) {
+    if (!(a(k, k) > 0)) return false;
+    for (int j = k + 1; j < N; ++j) {
+      const double factor = a(j, k) / a(k, k);
+      for (int i = j; i < N; ++i) a(i, j) -= factor * a(i, k);
+    }
+  }
+  return true;
+}
 /// L^-1 of a = L L^T.
 MatX inverse_of_cholesky_factor(const MatX& a);
 MatX inverse(const MatX& a);
+/// b^T a b.
+MatX congruence(const MatX& a, const MatX& b);
 /// The x of the least |a x - b|, a column of b each, of a full rank.
 MatX least_squares_solution(const MatX& a, const MatX& b);
 /// An orthonormal basis of all of space whose first columns span those of a, a of full rank.

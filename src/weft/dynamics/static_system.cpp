@@ -18,7 +18,7 @@ constexpr double kLargestRegularization = 1e12;  // 1/s^2
 constexpr double kEnoughDecrease = 1e-4;
 constexpr double kLeastFraction = 1e-3;
 constexpr double kPotentialRounding = 1e-14;  // of the potential
-constexpr int kLongestPause = 16;             // iterations before the exact Hessian is tried again
+constexpr int kLongestExactPause = 16;        // iterations before the exact Hessian is tried again
 constexpr double kFirstEscape = 1e-4;         // m, along a direction of negative curvature
 constexpr double kFirstLeap = 1e-5;           // m, the furthest vertex
 constexpr int kMostLeaps = 8;
@@ -36,7 +36,7 @@ StaticSystem::StaticSystem(const StaticPotential& potential, std::vector<char> h
                                              potential.mesh().material)),
       hessian_(potential.hessian_pattern()),
       diagonal_(diagonal_slots(hessian_)),
-      exact_pause_(kLongestPause) {}
+      exact_pause_(kLongestExactPause) {}
 
 bool StaticSystem::Factor::inexact() const { return regularization > kLeastRegularization; }
 
@@ -184,7 +184,7 @@ bool StaticSystem::escape() {
 StaticResult StaticSystem::solve(Points start, const StaticOptions& options) {
   const bool near = options.start == StaticOptions::Start::near_equilibrium;
   regularization_ = near ? kLeastRegularization : kInitialRegularization;
-  exact_pause_ = RetryPause(kLongestPause);
+  exact_pause_ = RetryPause(kLongestExactPause);
   leaps_ = 0;
   x_ = std::move(start);
   StaticResult result;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "weft/base/dense.h"
+
 namespace weft {
 namespace {
 
@@ -77,13 +79,13 @@ EstimateScatter scatter_of(const VecX& scaled, const QuadraticModel& model,
   scatter.condition = found.condition;
   const MatX lone = lone_directions(found);
   const auto along_lone = [&](const MatX& matrix) {
-    return MatX(lone * (lone.transpose() * matrix * lone) * lone.transpose());
+    return congruence(congruence(matrix, lone), lone.transpose());
   };
   const MatX inverse = pseudo_inverse(hessian);
   MatX noise = dispersion * inverse, noise_alone = alone * noise;
   if (with_prior) {
-    const MatX by_data = dispersion * inverse * (hessian - known.hessian) * inverse,
-               by_prior = inverse * known.gradient_covariance * inverse;
+    const MatX by_data = dispersion * congruence(hessian - known.hessian, inverse),
+               by_prior = congruence(known.gradient_covariance, inverse);
     noise = by_data + by_prior;
     noise_alone = alone * by_data + by_prior;
     scatter.prior(free) = VecX((found.of_prior + along_lone(by_prior)).diagonal());

@@ -42,7 +42,7 @@ Local local(const ElasticModel& model, const Shape& shape, const Vec3& state) {
   model.hessian(x, HessianKind::exact, gradient, lower);
   const MatX dense = lower;
   const MatX full = dense.selfadjointView<Eigen::Lower>();
-  return {model.energy(x), shape.transpose() * flat(gradient), shape.transpose() * full * shape};
+  return {model.energy(x), shape.transpose() * flat(gradient), congruence(full, shape)};
 }
 
 int free_count(StripSides sides) {

@@ -354,6 +354,12 @@ std::vector<CostPart> add_up(const std::vector<PatchPart>& parts, const Key& key
 
 }  // namespace
 
+CostPart part_of_squares(std::size_t trial, int frame, double factor, const MatX& jacobian,
+                         const VecX& residuals) {
+  return {trial, frame, 2 * factor * (jacobian.transpose() * residuals),
+          2 * factor * (jacobian.transpose() * jacobian)};
+}
+
 std::vector<CostPart> frames_of(const std::vector<PatchPart>& parts) {
   return add_up(parts, [](const PatchPart& p) { return p.part.frame; });
 }

@@ -47,6 +47,9 @@ struct CostPart {
   /// Of the frame's sums over pixels in the cost: gradient and hessian are this times theirs.
   double factor = 1;
 };
+/// That of factor |residuals|^2, `jacobian` their derivatives by the scaled coordinates.
+CostPart part_of_squares(std::size_t trial, int frame, double factor, const MatX& jacobian,
+                         const VecX& residuals);
 struct ProblemLinearization {
   ProblemEvaluation evaluation;
   QuadraticModel model;         ///< in scaled coordinates; empty if the cost is infinite

@@ -312,7 +312,7 @@ ForceWeights MechanicalProblem::weights_of(const MechanicalFrames& frames) const
 void MechanicalProblem::weigh(std::size_t trial, int frame, Eigen::Index count,
                               Residuals& r) const {
   if (weights_.empty() || weights_[trial][at(frame)].size() == 0) return;
-  const auto weight = weights_[trial][at(frame)].triangularView<Eigen::Lower>();
+  const MatX& weight = weights_[trial][at(frame)];
   r.values.head(count) = weight * VecX(r.values.head(count));
   r.ways.head(count) = weight * VecX(r.ways.head(count));
   if (r.jacobian.rows() > 0) r.jacobian.topRows(count) = weight * MatX(r.jacobian.topRows(count));
@@ -440,9 +440,8 @@ MechanicalProblem::Linearization MechanicalProblem::linearization_of(const Mecha
       }
       result.model.cost += factor * values.squaredNorm();
       for (const auto& [first, count] : pieces_of(*trials_[t], values.size())) {
-        const auto rows = jacobian.middleRows(first, count);
-        CostPart part{t, frame.frame, 2 * factor * rows.transpose() * values.segment(first, count),
-                      2 * factor * rows.transpose() * rows};
+        CostPart part = part_of_squares(t, frame.frame, factor, jacobian.middleRows(first, count),
+                                        values.segment(first, count));
         gradient += part.gradient;
         hessian += part.hessian;
         result.parts.push_back(std::move(part));

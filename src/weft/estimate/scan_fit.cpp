@@ -268,8 +268,7 @@ ScanProblem::Linearization ScanProblem::compute_linearization(const VecX& scaled
   const double factor = 1 / residual_count_;
   const auto add = [&](std::size_t t, int part, const VecX& r, const MatX& by_values) {
     const MatX jacobian = by_scaled(scaled, by_values);
-    CostPart own{t, part, 2 * factor * jacobian.transpose() * r,
-                 2 * factor * jacobian.transpose() * jacobian};
+    CostPart own = part_of_squares(t, part, factor, jacobian, r);
     result.model.cost += factor * r.squaredNorm();
     result.model.gradient += own.gradient;
     result.model.hessian += own.hessian;

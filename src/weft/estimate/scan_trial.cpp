@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -176,10 +174,9 @@ constexpr double kStraight = 1e-3;  // of the width over the length of points
 /// The direction along which points lie, a unit vector; nothing where they span an area.
 std::optional<Vec2> line_of(const MaterialPoints& uv) {
   const MaterialPoints d = uv.colwise() - Vec2(uv.rowwise().mean());
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(Eigen::Matrix2d(d * d.transpose()));
-  const Vec2& spread = solver.eigenvalues();  // smaller first
-  if (spread[0] > kStraight * kStraight * spread[1]) return {};
-  return solver.eigenvectors().col(1);
+  const SymmetricEigen spread = symmetric_eigen(d * d.transpose());
+  if (spread.values[0] > kStraight * kStraight * spread.values[1]) return {};
+  return spread.vectors.col(1);
 }
 
 /// Turns a pose, the shortest way, until it has the points at `x` that are on one line, which say
@@ -191,7 +188,7 @@ Pose along_line(Pose pose, const Vec2& line, const MaterialPoints& uv, const Poi
   for (Eigen::Index i = 0; i < uv.cols(); ++i)
     seen += line.dot(uv.col(i) - center) * (x.col(i) - middle);
   const Vec3 is = pose.rotation * Vec3(line.x(), line.y(), 0);
-  pose.rotation = Eigen::Quaterniond::FromTwoVectors(is, seen).toRotationMatrix() * pose.rotation;
+  pose.rotation = turn_between(is, seen) * pose.rotation;
   pose.center = center;
   pose.position = middle;
   return pose;

@@ -87,7 +87,7 @@ std::vector<VecX> leave_each_out(const std::vector<CostPart>& clusters, const Co
   for (std::size_t k = 0; k < clusters.size() && directions.kept.cols() > 0;) {
     const MatX& basis = directions.kept;
     const SymmetricEigen eigen =
-        symmetric_eigen(basis.transpose() * (sum.hessian - clusters[k].hessian) * basis);
+        symmetric_eigen(congruence(sum.hessian - clusters[k].hessian, basis));
     if (const Eigen::Index none = null_count(eigen.values); none > 0) {
       directions.give_up(eigen.vectors.leftCols(none),
                          eigen.vectors.rightCols(basis.cols() - none));
@@ -237,12 +237,12 @@ ClusterCovariance cluster_covariance(const std::vector<CostPart>& clusters, cons
   const auto count = double(clusters.size());
   spread *= (count - 1) / count;
   if (prior.gradient.size() > 0) {
-    const MatX back = inverse(basis.transpose() * sum.hessian * basis);
-    const MatX own = back * (basis.transpose() * prior.gradient_covariance * basis) * back;
-    result.of_prior = basis * own * basis.transpose();
+    const MatX back = inverse(congruence(sum.hessian, basis));
+    const MatX own = congruence(congruence(prior.gradient_covariance, basis), back);
+    result.of_prior = congruence(own, basis.transpose());
     spread += own;
   }
-  result.covariance = basis * spread * basis.transpose();
+  result.covariance = congruence(spread, basis.transpose());
   return result;
 }
 

@@ -1,13 +1,14 @@
 #include "weft/model/sheet_model.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <limits>
+
+#include "weft/base/dense.h"
 
 namespace weft::detail {
 namespace {
@@ -53,12 +54,16 @@ Mat2 stress_matrix(const Vec3& stress) {
 }
 
 /// Without its negative eigenvalues.
-template <class Matrix>
-Matrix positive_part(const Matrix& a) {
-  if (Eigen::LLT<Matrix>(a).info() == Eigen::Success) return a;
-  const Eigen::SelfAdjointEigenSolver<Matrix> solver(a);
-  return solver.eigenvectors() * solver.eigenvalues().cwiseMax(0).asDiagonal() *
-         solver.eigenvectors().transpose();
+Mat2 positive_part(const Mat2& a) {
+  if (is_positive_definite(a)) return a;
+  const double mean = 0.5 * a.trace(), radius = std::hypot(0.5 * (a(0, 0) - a(1, 1)), a(1, 0));
+  if (mean + radius <= 0) return Mat2::Zero();
+  return (mean + radius) / (2 * radius) * (a - (mean - radius) * Mat2::Identity());
+}
+Mat3 positive_part(const Mat3& a) {
+  if (is_positive_definite(a)) return a;
+  const auto [values, vectors] = symmetric_eigen_3(a);
+  return vectors * values.cwiseMax(0).asDiagonal() * vectors.transpose();
 }
 
 /// h += s x a: the 3 x 3 matrix `a` in each block, times the entry of `s`.
@@ -77,7 +82,7 @@ bool positive_in_the_plane(const Mat32& w, const Vec3& normal, const SheetRespon
   const Mat2 s = stress_matrix(r.stress);
   for (int i = 0; i < 2; ++i)
     for (int j = 0; j < 2; ++j) h.block<2, 2>(2 * i, 2 * j).diagonal().array() += s(i, j);
-  return Eigen::LLT<Eigen::Matrix4d>(h).info() == Eigen::Success;
+  return is_positive_definite(h);
 }
 
 /// By (w_u, w_v), a density.

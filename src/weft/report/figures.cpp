@@ -62,11 +62,6 @@ void add_point(PlotSeries& series, double x, double y) {
 }
 
 /// A fixed parameter's name in words: "bend_stiffness" as "bend stiffness".
-std::string in_words(std::string name) {
-  std::ranges::replace(name, '_', ' ');
-  return name;
-}
-
 /// Logarithmic where the finite values span more than a factor of 20 above zero.
 bool spans_decades(const std::vector<ReportHistoryPoint>& history) {
   double lower = kInfinity, upper = 0;
@@ -347,10 +342,8 @@ HeatMap correlation_map(const ReportCertainty& certainty) {
   HeatMap map;
   map.title = "Correlation of the parameters";
   for (const std::string& name : certainty.parameters) {
-    std::string words = name;
-    std::ranges::replace(words, '_', ' ');
     map.x.push_back(static_cast<double>(map.x.size()));
-    map.x_axis.categories.push_back(words);
+    map.x_axis.categories.push_back(in_words(name));
   }
   map.y = map.x;
   map.y_axis.categories = map.x_axis.categories;

@@ -68,8 +68,7 @@ Axis make_axis(const MarginalsPlot::Parameter& p) {
     axis.upper += 0.5;
   }
   axis.estimate = coordinate(p.scale, p.estimate);
-  axis.name = p.name;
-  std::ranges::replace(axis.name, '_', ' ');
+  axis.name = in_words(p.name);
   axis.unit = format_unit(p.unit);
   axis.lower_label = format_value(value_at(p.scale, axis.lower), 2);
   axis.upper_label = format_value(value_at(p.scale, axis.upper), 2);

@@ -191,7 +191,7 @@ std::string table_of_cords(const MechanicalReport& report) {
          rows + "</tbody></table>\n";
 }
 
-std::string listed(const std::vector<std::string>& names) {
+std::string comma_separated(const std::vector<std::string>& names) {
   return fmt::format("{}", fmt::join(names, ", "));
 }
 
@@ -312,7 +312,7 @@ std::string stage_table(const MechanicalReport& report) {
   html += "<th class=\"n\">Evaluations</th><th></th></tr></thead><tbody>\n";
   for (const ReportStage& stage : report.stages) {
     html += "<tr>" + name_cell("Stage", stage.name);
-    html += cell("Tests", escaped(listed(stage.captures)));
+    html += cell("Tests", escaped(comma_separated(stage.captures)));
     html += cell("Pass", std::to_string(stage.pass), "n");
     html += cell("Control points", std::to_string(stage.points), "n");
     html += cell("Error before", format_value(stage.error_initial), "n");

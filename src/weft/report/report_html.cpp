@@ -19,11 +19,6 @@
 namespace weft::detail {
 namespace {
 
-std::string in_words(std::string name) {
-  std::ranges::replace(name, '_', ' ');
-  return name;
-}
-
 std::string with_unit(double value, const std::string& unit, int digits = 3) {
   const std::string printed = format_unit(unit);
   return format_value(value, digits) + (printed.empty() ? "" : " " + printed);

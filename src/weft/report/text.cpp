@@ -106,6 +106,11 @@ std::string format_unit(std::string_view unit) {
   return result;
 }
 
+std::string in_words(std::string name) {
+  std::ranges::replace(name, '_', ' ');
+  return name;
+}
+
 std::string format_duration(double seconds) {
   if (!std::isfinite(seconds)) return format_value(seconds) + " s";
   if (seconds < 99.5) return format_value(seconds, seconds < 10 ? 2 : 3) + " s";

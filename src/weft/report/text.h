@@ -24,6 +24,9 @@ std::string power_of_ten(int exponent);
 /// A unit as it is printed: "N s^2/m^4" becomes "N·s²/m⁴".
 std::string format_unit(std::string_view unit);
 
+/// The name of a parameter as it is printed: "bend_stiffness" becomes "bend stiffness".
+std::string in_words(std::string name);
+
 /// A duration, s, in the largest fitting units: "0.42 s", "3 min 20 s", "2 h 05 min".
 std::string format_duration(double seconds);
 
