@@ -257,7 +257,7 @@ TEST_F(LinearizeTest, AFitRecoversTheFabric) {
         if (phases.empty() || phases.back() != p.step.phase) phases.push_back(p.step.phase);
         return true;
       });
-  EXPECT_EQ(phases, (std::vector<std::string>{"start", "screening", "starts", "2 frames", "starts",
+  EXPECT_EQ(phases, (std::vector<std::string>{"screening", "start", "starts", "2 frames", "starts",
                                               "all frames", "starts", "start"}));
   EXPECT_LT(std::abs(std::log(result.fabric.value("bend_stiffness") / 2e-5)), std::log(1.4));
   EXPECT_LT(std::abs(std::log(result.fabric.value("stretch_stiffness") / 100)), std::log(1.2));
@@ -292,6 +292,38 @@ TEST_F(LinearizeTest, AFitIsTheSameForAnyThreadsAndGoesThroughTheStore) {
   const FitResult two = run_least_squares_fit(problem(), options, &store);
   EXPECT_EQ(one.scaled, two.scaled);
   EXPECT_GE(two.replayed, 5u);  // the middle and the screening, at least
+}
+
+// Not only when all of a phase are done.
+TEST_F(LinearizeTest, TellsOfEvaluationsAsTheyEnd) {
+  EvaluationStore store(root_ / "told.sqlite");
+  LeastSquaresFitOptions options = small_fit();
+  options.stages = {{0, 1, 1, 2, 1, 0}};
+  options.threads = 1;
+  std::vector<std::size_t> stored, done;
+  run_least_squares_fit(problem(), options, &store, [&](const FitProgress& p) {
+    if (p.step.phase != "screening") return true;
+    EXPECT_EQ(p.total, 5u);
+    done.push_back(p.done);
+    stored.push_back(store.count(problem()));
+    return true;
+  });
+  EXPECT_EQ(done, (std::vector<std::size_t>{1, 2, 3, 4, 5}));
+  // With the middle of the ranges, which is the first.
+  EXPECT_EQ(stored, (std::vector<std::size_t>{2, 3, 4, 5, 6}));
+}
+
+TEST_F(LinearizeTest, AStopLeavesOutTheRestOfAScreening) {
+  LeastSquaresFitOptions options = small_fit();
+  options.threads = 1;
+  std::size_t told = 0;
+  const FitResult result = run_least_squares_fit(problem(), options, nullptr, [&](const auto& p) {
+    told += p.step.phase == "screening";
+    return told < 2;
+  });
+  EXPECT_TRUE(result.stopped);
+  EXPECT_EQ(told, 2u);
+  EXPECT_EQ(result.history.size(), 3u);  // with the middle
 }
 
 // Does a fit depend on its start? Only what is asked about may change.

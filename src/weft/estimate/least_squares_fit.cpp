@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <numeric>
+#include <optional>
 
 #include "weft/base/clock.h"
 #include "weft/base/error.h"
@@ -159,6 +160,35 @@ class LeastSquaresFit {
     ++replayed_below_;
   }
 
+  /// Of each candidate; nothing where the fit was stopped before.
+  using MaybeEvaluated = std::vector<std::optional<StoredEvaluation>>;
+
+  /// Evaluates on one thread, and tells the observer when that ends. `total`: of the phase, 0 if
+  /// not known.
+  std::optional<StoredEvaluation> tell_of(const Contender& point, int frame_count,
+                                          const std::string& phase, std::size_t total = 0) {
+    if (stopped_ || interrupted()) return {};
+    StoredEvaluation found = evaluate_point(point, frame_count, phase, 1);
+    if (found.replayed) count_replay_below();
+    announce(phase, found.evaluation, total);
+    return found;
+  }
+
+  /// What tell_of() found of the first candidates, in their order.
+  void record_each(const MaybeEvaluated& found, const std::string& phase, int frame_count,
+                   std::vector<Contender>& candidates) {
+    replayed_below_ = 0;
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      if (!found[i]) {
+        stopped_ = true;
+        continue;
+      }
+      result_.replayed += found[i]->replayed;
+      candidates[i].cost = found[i]->evaluation.error;
+      record(phase, candidates[i], frame_count, found[i]->evaluation);
+    }
+  }
+
   Contender middle() const { return {VecX::Constant(problem_->dimension(), 0.5), problem_}; }
 
   StoredEvaluation evaluate_point(const Contender& point, int frame_count, const std::string& phase,
@@ -205,21 +235,16 @@ class LeastSquaresFit {
   std::vector<Contender> screen() {
     std::vector<Contender> candidates = points_to_screen();
     const std::size_t screened = candidates.size() > 1 ? candidates.size() : 0;
-    std::vector<StoredEvaluation> evaluations(1 + screened);
-    parallel_for(evaluations.size(), options_.threads, [&](std::size_t i) {
+    StoredEvaluation of_middle;
+    MaybeEvaluated found(screened);
+    parallel_for(1 + screened, options_.threads, [&](std::size_t i) {
       if (i == 0)
-        evaluations[i] = evaluate_point(middle(), 0, "start", options_.threads);
-      else if (!interrupted())
-        evaluations[i] =
-            evaluate_point(candidates[i - 1], options_.screening_frames, "screening", 1);
+        of_middle = evaluate_point(middle(), 0, "start", options_.threads);
+      else
+        found[i - 1] = tell_of(candidates[i - 1], options_.screening_frames, "screening", screened);
     });
-    note_middle(evaluations[0]);
-    for (std::size_t i = 0; i < screened && !stopped_; ++i) {
-      const StoredEvaluation& stored = evaluations[i + 1];
-      result_.replayed += stored.replayed;
-      candidates[i].cost = stored.evaluation.error;
-      note("screening", candidates[i], options_.screening_frames, stored.evaluation, screened);
-    }
+    note_middle(of_middle);
+    record_each(found, "screening", options_.screening_frames, candidates);
     sort_by_cost(candidates);
     return candidates;
   }
@@ -403,17 +428,10 @@ class LeastSquaresFit {
   /// By the error on so many frames.
   void compare_candidates(int frame_count, const std::string& phase,
                           std::vector<Contender>& candidates) {
-    std::vector<StoredEvaluation> evaluations(candidates.size());
-    parallel_for(candidates.size(), options_.threads, [&](std::size_t i) {
-      if (interrupted()) return;
-      evaluations[i] = evaluate_point(candidates[i], frame_count, phase, 1);
-    });
-    if (interrupted()) stopped_ = true;  // some were left out
-    for (std::size_t i = 0; i < candidates.size() && !stopped_; ++i) {
-      result_.replayed += evaluations[i].replayed;
-      candidates[i].cost = evaluations[i].evaluation.error;
-      note(phase, candidates[i], frame_count, evaluations[i].evaluation);
-    }
+    MaybeEvaluated found(candidates.size());
+    parallel_for(candidates.size(), options_.threads,
+                 [&](std::size_t i) { found[i] = tell_of(candidates[i], frame_count, phase); });
+    record_each(found, phase, frame_count, candidates);
   }
 
   /// A point, and the model there, without priors.
@@ -575,7 +593,7 @@ class LeastSquaresFit {
   EvaluationStore* store_;
   const FitObserver& observer_;
   std::mutex announcing_;
-  std::size_t replayed_below_ = 0;  // in descents that are not recorded yet
+  std::size_t replayed_below_ = 0;  // among what is not recorded yet
   std::string phase_;               // of the last announcement, with what follows
   double phase_best_ = kInfinity;
   std::size_t phase_done_ = 0, announced_ = 0;
