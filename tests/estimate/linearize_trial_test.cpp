@@ -252,13 +252,16 @@ LeastSquaresFitOptions small_fit() {
 // From another mesh: bend comes back to within 40 % as with the annealer, stretch to within 20 %.
 TEST_F(LinearizeTest, AFitRecoversTheFabric) {
   std::vector<std::string> phases;
+  std::vector<std::size_t> of_starts;
   const FitResult result =
       run_least_squares_fit(problem(), small_fit(), nullptr, [&](const FitProgress& p) {
         if (phases.empty() || phases.back() != p.step.phase) phases.push_back(p.step.phase);
+        if (p.step.phase == "starts") of_starts.push_back(p.done);
         return true;
       });
   EXPECT_EQ(phases, (std::vector<std::string>{"screening", "start", "starts", "2 frames", "starts",
                                               "all frames", "starts", "start"}));
+  EXPECT_EQ(of_starts, (std::vector<std::size_t>{0, 1, 0, 1, 0, 1}));
   EXPECT_LT(std::abs(std::log(result.fabric.value("bend_stiffness") / 2e-5)), std::log(1.4));
   EXPECT_LT(std::abs(std::log(result.fabric.value("stretch_stiffness") / 100)), std::log(1.2));
   EXPECT_LE(result.final.error, 1.05 * evaluate(problem(), true_fabric()).error);

@@ -54,8 +54,9 @@ struct FitStep {
 /// While a fit runs: the step just made and how many its phase has in all.
 struct FitProgress {
   FitStep step;
-  std::size_t done = 0, total = 0;  ///< in this phase; total 0: not known (variability)
-  std::size_t replayed = 0;         ///< evaluations so far that were read from the store
+  /// In this phase; done 0: it begins, from what `step` says; total 0: not known (variability).
+  std::size_t done = 0, total = 0;
+  std::size_t replayed = 0;  ///< evaluations so far that were read from the store
 };
 /// Called from one thread at a time. Returning false stops the fit with the best so far, as
 /// weft::interrupted() does.

@@ -142,15 +142,29 @@ class LeastSquaresFit {
   void announce(const std::string& phase, const ProblemEvaluation& evaluation,
                 std::size_t total = 0) {
     const std::lock_guard lock(announcing_);
-    if (phase != phase_) {
-      phase_ = phase;
-      phase_best_ = kInfinity;
-      phase_done_ = 0;
-    }
+    if (phase != phase_) begin_phase(phase);
     phase_best_ = std::min(phase_best_, evaluation.error);
-    const FitStep step{phase, ++announced_, evaluation.error, phase_best_, 0};
+    ++phase_done_;
+    tell({phase, ++announced_, evaluation.error, phase_best_, 0}, total);
+  }
+
+  /// Of a phase whose first step takes long; `before`: what it begins from.
+  void announce_begin(const std::string& phase, const ProblemEvaluation& before,
+                      std::size_t total) {
+    const std::lock_guard lock(announcing_);
+    begin_phase(phase);
+    tell({phase, announced_, before.error, before.error, 0}, total);
+  }
+
+  void begin_phase(const std::string& phase) {
+    phase_ = phase;
+    phase_best_ = kInfinity;
+    phase_done_ = 0;
+  }
+
+  void tell(FitStep step, std::size_t total) {
     const std::size_t replayed = result_.replayed + replayed_below_;
-    if (observer_ && !observer_({step, ++phase_done_, total, replayed})) stopped_ = true;
+    if (observer_ && !observer_({std::move(step), phase_done_, total, replayed})) stopped_ = true;
     if (interrupted()) stopped_ = true;
   }
 
@@ -270,10 +284,11 @@ class LeastSquaresFit {
   bool renew_starts(const FitStage& next, std::vector<Contender>& candidates) {
     if (stopped_ || !starts_differ(*problem_)) return false;
     const Contender before = candidates.front();
-    auto suited = with_starts_for_stored(*before.problem, problem_->fabric(before.scaled),
-                                         next.frames, options_.threads, store_);
     ProblemEvaluation known;
     known.error = before.cost;
+    announce_begin("starts", known, 1);
+    auto suited = with_starts_for_stored(*before.problem, problem_->fabric(before.scaled),
+                                         next.frames, options_.threads, store_);
     announce("starts", known, 1);
     if (suited == before.problem->trials()) return false;
     const auto renewed =
