@@ -113,11 +113,10 @@ class LeastSquaresFit {
   }
 
  private:
-  /// Tells the observer, and records. `total`: of the phase, 0 if not known.
-  void note(const std::string& phase, const Contender& point, int frame_count,
-            const ProblemEvaluation& evaluation, std::size_t total = 0) {
-    announce(phase, evaluation, total);
-    record(phase, point, frame_count, evaluation);
+  /// Tells the observer of an evaluation on all frames that is a phase of its own, and records it.
+  void note_start(const Contender& point, const ProblemEvaluation& evaluation) {
+    announce("start", evaluation, 1);
+    record("start", point, 0, evaluation);
   }
 
   /// History and best so far, in an order that does not depend on the threads.
@@ -215,7 +214,7 @@ class LeastSquaresFit {
     result_.replayed += stored.replayed;
     result_.initial = result_.start = stored.evaluation;
     result_.start_fabric = problem_->fabric(middle().scaled);
-    note("start", middle(), 0, stored.evaluation, 1);
+    note_start(middle(), stored.evaluation);
   }
 
   VecX first_guess() const {
@@ -566,7 +565,7 @@ class LeastSquaresFit {
     const StoredEvaluation stored = evaluate_point(there, 0, "start", options_.threads);
     result_.replayed += stored.replayed;
     if (!stored.evaluation.diverged) result_.initial = stored.evaluation;
-    note("start", there, 0, stored.evaluation, 1);
+    note_start(there, stored.evaluation);
   }
 
   void conclude() {
