@@ -28,6 +28,10 @@ if(WEFT_SANITIZE)
     target_compile_options(weft_flags INTERFACE
                            -fno-sanitize=null,object-size,alignment,vptr,pointer-overflow)
   endif()
+  # A frame on the heap for each call, a fifth of the suite: both compilers warn of what returns the
+  # address of a local, and uses after a scope within a function are still found.
+  target_compile_options(weft_flags INTERFACE
+    $<$<CXX_COMPILER_ID:Clang>:-fsanitize-address-use-after-return=never>)
   target_link_options(weft_flags INTERFACE -fsanitize=${WEFT_SANITIZE})
 endif()
 
@@ -35,6 +39,11 @@ endif()
 # third of the time of a compiler goes into optimizing what runs once.
 function(weft_build_quickly target)
   target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+  if(WEFT_SANITIZE)
+    # A quarter of the time of what is compiled with sanitizers.
+    target_compile_options(${target} PRIVATE
+      $<$<CXX_COMPILER_ID:Clang>:SHELL:-mllvm -inline-threshold=10>)
+  endif()
 endfunction()
 
 # What nearly every source includes is parsed once a kind of target instead of once a source: a third
