@@ -1,0 +1,18 @@
+# `cmake --install build --prefix WHERE`: the program, and the modules for find_package(weft), each
+# as weft::NAME with what it needs (examples/library).
+include(CMakePackageConfigHelpers)
+set(weft_package ${CMAKE_INSTALL_LIBDIR}/cmake/weft)
+
+install(TARGETS weft RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+foreach(module ${WEFT_MODULES})
+  set_target_properties(weft_${module} PROPERTIES EXPORT_NAME ${module})
+  install(TARGETS weft_${module} EXPORT weft ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+endforeach()
+install(DIRECTORY src/weft DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
+install(EXPORT weft NAMESPACE weft:: FILE weftTargets.cmake DESTINATION ${weft_package})
+
+# Numbers of a version below 1 that differ in the second may differ in the interface.
+write_basic_package_version_file(weftConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES cmake/weftConfig.cmake cmake/OpenCV.cmake
+              ${CMAKE_CURRENT_BINARY_DIR}/weftConfigVersion.cmake
+        DESTINATION ${weft_package})
