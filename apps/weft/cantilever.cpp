@@ -132,11 +132,8 @@ nlohmann::json to_json(const CantileverFit& fit) {
 /// Of a profile that can be fitted: what is wrong then is the window.
 MomentCurvature curve_of(const CantileverArguments& arguments, const MaterialPoints& profile,
                          double weight) {
-  try {
-    return moment_curvature(profile, weight, arguments.window);
-  } catch (const Error& error) {
-    throw Error(fmt::format("--window {:g}: {}", arguments.window, error.what()));
-  }
+  return with_errors_at({.key = fmt::format("--window {:g}", arguments.window)},
+                        [&] { return moment_curvature(profile, weight, arguments.window); });
 }
 
 nlohmann::json from_points(const CantileverArguments& arguments, const MaterialPoints& profile) {
@@ -159,11 +156,8 @@ nlohmann::json from_points(const CantileverArguments& arguments, const MaterialP
 
 nlohmann::json from_profile(const CantileverArguments& arguments) {
   const MaterialPoints profile = read_profile(arguments);
-  try {
-    return from_points(arguments, profile);
-  } catch (const Error& error) {
-    throw Error(fmt::format("{}: {}", arguments.profile, error.what()));
-  }
+  return with_errors_at({.file = arguments.profile},
+                        [&] { return from_points(arguments, profile); });
 }
 
 void print_overhang(const nlohmann::json& r) {

@@ -31,13 +31,8 @@ Fabric start_fabric(const MechanicalFitArguments& arguments,
 
 std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments,
                                          const Fabric& fabric) {
-  for (const std::string& name : arguments.parameters) {
-    try {
-      fabric.value_index(name);
-    } catch (const Error& error) {
-      throw Error(fmt::format("--parameters: {}", error.what()));
-    }
-  }
+  for (const std::string& name : arguments.parameters)
+    with_errors_at({.key = "--parameters"}, [&] { fabric.value_index(name); });
   return arguments.parameters.empty() ? names_at_rest(fabric) : arguments.parameters;
 }
 

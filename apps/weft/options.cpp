@@ -359,13 +359,8 @@ Fabric start_of_fit(Fabric fabric, const std::vector<std::string>& include, std:
 
 void check_parameters(const std::string& option, const std::string& model,
                       const std::vector<std::string>& names) {
-  for (const std::string& name : names) {
-    try {
-      parameter_index(model, name);
-    } catch (const Error& error) {
-      throw Error(fmt::format("{}: {}", option, error.what()));
-    }
-  }
+  for (const std::string& name : names)
+    with_errors_at({.key = option}, [&] { parameter_index(model, name); });
 }
 
 std::function<bool(std::size_t, std::size_t)> progress_observer(const std::string& label) {

@@ -83,11 +83,8 @@ std::vector<RegistrationStart> starts_by_axes(const RegisterArguments& arguments
   if (u.cross(v).norm() < least_sine)
     throw Error(fmt::format("--u-axis {}: is along --v-axis {}; the two must be across",
                             arguments.u_axis, arguments.v_axis));
-  try {
-    return flat_starts(grid, scan, geometry, u, v);
-  } catch (const Error& error) {
-    throw error_at({arguments.scan, 0, {}}, error.what());
-  }
+  return with_errors_at({.file = arguments.scan},
+                        [&] { return flat_starts(grid, scan, geometry, u, v); });
 }
 
 Vec3 gravity_of(const RegisterArguments& arguments) {

@@ -116,21 +116,11 @@ MatX known_information(const Known& known) {
   return information;
 }
 
-/// Calls `check`, whose errors are those of `option`.
-template <typename Check>
-void check_option(const std::string& option, const Check& check) {
-  try {
-    check();
-  } catch (const Error& error) {
-    throw Error(fmt::format("{}: {}", option, error.what()));
-  }
-}
-
 void check_options(const SuggestArguments& arguments, const Fabric& fabric) {
   for (const std::string& name : arguments.parameters)
-    check_option("--parameters", [&] { fabric.value_index(name); });
+    with_errors_at({.key = "--parameters"}, [&] { fabric.value_index(name); });
   if (!arguments.video_option.empty())
-    check_option(arguments.video_option, [&] { require_motion_model(fabric); });
+    with_errors_at({.key = arguments.video_option}, [&] { require_motion_model(fabric); });
 }
 
 Capture rig_of(const SuggestArguments& arguments, const Fabric& fabric) {

@@ -15,12 +15,23 @@ class Error : public std::runtime_error {
 
 /// Where in a file a value stands. `line` is 1-based, 0 where there is none; `key` may be empty.
 struct SourceLocation {
-  std::filesystem::path file;
+  std::filesystem::path file = {};
   int line = 0;
-  std::string key;
+  std::string key = {};
 };
 
 /// "FILE:LINE: KEY: REASON", leaving out what `where` does not have.
 Error error_at(const SourceLocation& where, std::string_view reason);
+
+/// What `call` returns. An Error that it throws gets `where` before its text; an option is a key
+/// without a file.
+template <typename Call>
+decltype(auto) with_errors_at(const SourceLocation& where, const Call& call) {
+  try {
+    return call();
+  } catch (const Error& error) {
+    throw error_at(where, error.what());
+  }
+}
 
 }  // namespace weft

@@ -4,6 +4,7 @@
 #include <map>
 #include <set>
 
+#include "weft/base/error.h"
 #include "weft/base/toml_reader.h"
 #include "weft/capture/capture.h"
 #include "weft/capture/capture_checks.h"
@@ -170,11 +171,8 @@ class CaptureReader {
 
   Pinhole read_pinhole(const TomlTable& table, std::string_view name) const {
     const Projection projection = table.matrix("projection", 3, 4);
-    try {
-      return Pinhole(projection, point_in_front(), name);
-    } catch (const Error& error) {
-      throw error_at(table.where("projection"), error.what());
-    }
+    return with_errors_at(table.where("projection"),
+                          [&] { return Pinhole(projection, point_in_front(), name); });
   }
 
   void read_camera() {

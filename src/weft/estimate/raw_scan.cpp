@@ -48,11 +48,9 @@ Scan read_sampled(const ScanTarget& target, const GridTemplate& grid, const Scan
 
 std::vector<RegistrationStart> flat_starts_of(const ScanTarget& target, const GridTemplate& grid,
                                               const Scan& scan, const ScanGeometry& geometry) {
-  try {
+  return with_errors_at({.file = target.scan}, [&] {
     return flat_starts(grid, scan, geometry, target.u_axis, target.v_axis);
-  } catch (const Error& error) {
-    throw error_at({target.scan, 0, {}}, error.what());
-  }
+  });
 }
 
 }  // namespace

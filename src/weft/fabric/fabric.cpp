@@ -113,12 +113,8 @@ FabricFile from_table(const TomlTable& file) {
   file.integer("version", kVersion, kVersion);
   const std::string name = file.string("name");
   const std::string model = file.string("model");
-  Fabric fabric;
-  try {
-    fabric = Fabric::with_defaults(name, model);
-  } catch (const Error& error) {
-    throw error_at(file.where("model"), error.what());
-  }
+  Fabric fabric =
+      with_errors_at(file.where("model"), [&] { return Fabric::with_defaults(name, model); });
   fabric.areal_density = file.optional_number("areal_density", kArealDensity);
   fabric.provenance = file.optional_string("provenance").value_or("");
   const auto infos = model_parameters(model);
@@ -133,11 +129,7 @@ FabricFile from_table(const TomlTable& file) {
   rows.finish();
   parameters.finish();
   file.finish();
-  try {
-    validate(fabric);
-  } catch (const Error& error) {
-    throw error_at(file.where("parameters"), error.what());
-  }
+  with_errors_at(file.where("parameters"), [&] { validate(fabric); });
   return {fabric, priors};
 }
 
