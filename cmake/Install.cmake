@@ -3,6 +3,8 @@
 include(CMakePackageConfigHelpers)
 set(weft_package ${CMAKE_INSTALL_LIBDIR}/cmake/weft)
 
+# What was found outside the system's folders is found there again; installing need not change that.
+set_target_properties(weft PROPERTIES BUILD_WITH_INSTALL_RPATH ON INSTALL_RPATH_USE_LINK_PATH ON)
 install(TARGETS weft RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 foreach(module ${WEFT_MODULES})
   set_target_properties(weft_${module} PROPERTIES EXPORT_NAME ${module})

@@ -426,10 +426,10 @@ int run(int argc, char** argv) {
   parallel_for(all.size(), 0, [&](std::size_t i) {
     distance[i] = distances(grid, constants, all[i], scene, truth);
   });
-  fmt::print("{}: mean distance to the true surface, mm\n  {:34} {:>8} {:>9}\n", capture.name, "",
-             "fit", "held back");
+  fmt::print("{}: mean distance to the true surface, mm\n  {:34} {:>8} {:>10}\n", capture.name, "",
+             "fit", "validation");
   for (std::size_t i = 0; i < all.size(); ++i)
-    fmt::print("  {:34} {:8.2f} {:9.2f}\n", all[i].name,
+    fmt::print("  {:34} {:8.2f} {:10.2f}\n", all[i].name,
                mean_millimetres(distance[i], capture.fit_first, capture.fit_last),
                mean_millimetres(distance[i], capture.fit_last + 1, capture.frame_count - 1));
   if (argc == 3) write_csv(argv[2], distance, scene);

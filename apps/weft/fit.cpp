@@ -177,12 +177,15 @@ Fabric initial_fabric(const FitArguments& arguments, const Capture& first) {
                       arguments.captures);
 }
 
-/// One bar a phase of the search.
+/// One bar a phase of the search, or a part of one.
 class PhaseProgress {
  public:
   bool operator()(const FitProgress& progress) {
-    if (progress.step.phase != phase_) {
-      phase_ = progress.step.phase;
+    const std::string phase = progress.part.empty()
+                                  ? progress.step.phase
+                                  : fmt::format("{}, {}", progress.step.phase, progress.part);
+    if (phase != phase_) {
+      phase_ = phase;
       bar_.reset();
       Progress::Options options;
       options.start = phase_begin_;
@@ -270,7 +273,7 @@ void print_result(const FitResult& fit, const Report& report,
   for (std::size_t i = 0; i < evaluations.size(); ++i) {
     const CaptureEvaluation& e = evaluations[i];
     fmt::print("{}: error per frame {:.5g} (fit frames)", report.captures[i].name, e.fit.error);
-    if (e.validation) fmt::print(", {:.5g} (held-back frames)", e.validation->error);
+    if (e.validation) fmt::print(", {:.5g} (validation frames)", e.validation->error);
     fmt::print("\n");
   }
   for (const std::string& warning : report_warnings(report)) fmt::print("warning: {}\n", warning);

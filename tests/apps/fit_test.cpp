@@ -414,7 +414,7 @@ TEST_F(Fit, AKilledDescentContinues) {
   };
   {
     ChildProcess child(command(words("out", "2")));
-    ASSERT_TRUE(child.wait_for("hops: ")) << child.err();
+    ASSERT_TRUE(child.wait_for("hops, round 1 of at most 1: ")) << child.err();
     child.send(SIGKILL);
     child.wait();
     ASSERT_EQ(child.status(), -SIGKILL) << "the fit ended before it could be killed";

@@ -252,16 +252,31 @@ LeastSquaresFitOptions small_fit() {
 // From another mesh: bend comes back to within 40 % as with the annealer, stretch to within 20 %.
 TEST_F(LinearizeTest, AFitRecoversTheFabric) {
   std::vector<std::string> phases;
-  std::vector<std::size_t> of_starts;
+  std::vector<std::string> parts;
+  std::size_t tried = 0, most_tried = 0;
   const FitResult result =
       run_least_squares_fit(problem(), small_fit(), nullptr, [&](const FitProgress& p) {
-        if (phases.empty() || phases.back() != p.step.phase) phases.push_back(p.step.phase);
-        if (p.step.phase == "starts") of_starts.push_back(p.done);
+        if (phases.empty() || phases.back() != p.step.phase) {
+          phases.push_back(p.step.phase);
+          parts.push_back(p.part);
+          if (p.step.phase == "starts") {
+            EXPECT_EQ(p.done, 0u);
+            tried = 0;
+          }
+        }
+        if (p.step.phase == "starts") {
+          EXPECT_LE(p.done, tried + 1);
+          EXPECT_GE(p.done, tried);
+          tried = p.done;
+          most_tried = std::max(most_tried, tried);
+        }
         return true;
       });
   EXPECT_EQ(phases, (std::vector<std::string>{"screening", "start", "starts", "2 frames", "starts",
                                               "all frames", "starts", "start"}));
-  EXPECT_EQ(of_starts, (std::vector<std::size_t>{0, 1, 0, 1, 0, 1}));
+  EXPECT_EQ(parts,
+            (std::vector<std::string>{"", "", "", "stage 1 of 2", "", "stage 2 of 2", "", ""}));
+  EXPECT_GT(most_tried, 3u);
   EXPECT_LT(std::abs(std::log(result.fabric.value("bend_stiffness") / 2e-5)), std::log(1.4));
   EXPECT_LT(std::abs(std::log(result.fabric.value("stretch_stiffness") / 100)), std::log(1.2));
   EXPECT_LE(result.final.error, 1.05 * evaluate(problem(), true_fabric()).error);
@@ -326,7 +341,10 @@ TEST_F(LinearizeTest, AStopLeavesOutTheRestOfAScreening) {
   });
   EXPECT_TRUE(result.stopped);
   EXPECT_EQ(told, 2u);
-  EXPECT_EQ(result.history.size(), 3u);  // with the middle
+  // With the middle, and at the end the best of the two on all frames.
+  ASSERT_EQ(result.history.size(), 4u);
+  EXPECT_EQ(result.history.back().phase, "all frames");
+  EXPECT_EQ(result.final.error, std::min(result.initial.error, result.history.back().error));
 }
 
 // Does a fit depend on its start? Only what is asked about may change.

@@ -309,6 +309,7 @@ TEST_F(TrialTest, AFitFromItsStoreIsTheSameAndAsksForNothing) {
         if (progress.step.phase != "starts") {
           EXPECT_GT(progress.replayed, told);
         }
+        EXPECT_EQ(progress.part == "round 1 of at most 1", progress.step.phase == "hops");
         told = progress.replayed;
         return true;
       });
@@ -351,6 +352,18 @@ TEST_F(TrialTest, AFitFromItsStoreIsTheSameAndAsksForNothing) {
   stated->other_starts.clear();
   const Problem without_choice({stated}, test_fabric(), {"bend_stiffness"});
   EXPECT_EQ(with_starts_for_stored(without_choice, test_fabric(), 0, 0, &store).front(), stated);
+}
+
+TEST_F(TrialTest, ASearchForStartsThatIsStoppedLeavesThemAndIsNotStored) {
+  const auto given = with_the_worst_start(*trial_);
+  const Problem problem({given}, test_fabric(), {"bend_stiffness"});
+  const test::TemporaryFolder folder;
+  EvaluationStore store(folder.path() / "evaluations.sqlite");
+  int told = 0;
+  const StartObserver stop = [&told] { return ++told < 2; };
+  EXPECT_EQ(with_starts_for_stored(problem, test_fabric(), 0, 0, &store, stop).front(), given);
+  EXPECT_EQ(told, 2);
+  EXPECT_NE(with_starts_for_stored(problem, test_fabric(), 0, 0, &store).front(), given);
 }
 
 TEST_F(TrialTest, AStartThatTheCaptureStatesStays) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <utility>
 #include <vector>
 
@@ -25,6 +26,25 @@ constexpr std::size_t kMoved = 3;
 
 double mean_distance(const Points& a, const Points& b) { return (a - b).colwise().norm().mean(); }
 
+/// Calls an observer from one thread at a time, and remembers that it said stop.
+class Watch {
+ public:
+  explicit Watch(const StartObserver& observer) : observer_(observer) {}
+  void tell() {
+    const std::lock_guard lock(mutex_);
+    if (observer_ && !stopped_) stopped_ = !observer_();
+  }
+  bool stopped() {
+    const std::lock_guard lock(mutex_);
+    return stopped_;
+  }
+
+ private:
+  const StartObserver& observer_;
+  std::mutex mutex_;
+  bool stopped_ = false;
+};
+
 /// A start, and where the cloth hangs from there.
 struct Settled {
   Points start, shape;
@@ -35,11 +55,12 @@ struct Settled {
 /// The starts of one trial for one fabric, by the error of the first compared frame.
 class StartSearch {
  public:
-  StartSearch(const Trial& trial, const Fabric& fabric, int threads)
+  StartSearch(const Trial& trial, const Fabric& fabric, int threads, Watch& watch)
       : trial_(trial),
         fabric_(fabric),
         frame_(decode_first_frame(trial.capture, trial.scene)),
-        threads_(threads) {}
+        threads_(threads),
+        watch_(watch) {}
 
   /// Refines and settles these.
   void begin(const std::vector<Points>& starts) { add(starts); }
@@ -75,17 +96,20 @@ class StartSearch {
 
   Settled settle(Points start) const {
     Settled result;
+    if (watch_.stopped()) return result;
     Scene scene = trial_.scene;
     scene.start = start;
     Trajectory there;
     result.error = evaluate_scene(trial_, std::move(scene), fabric_, 1, &there, 1).error;
     if (std::isfinite(result.error)) result.shape = std::move(there.frames.front());
     result.start = std::move(start);
+    watch_.tell();
     return result;
   }
 
  private:
   void add(const std::vector<Points>& from) {
+    if (watch_.stopped()) return;
     std::vector<RefinedSurface> surfaces =
         refine_surfaces(frame_.points, frame_.silhouette, trial_.capture.rig, trial_.scene, fabric_,
                         from, threads_);
@@ -115,17 +139,20 @@ class StartSearch {
   const Fabric& fabric_;
   FirstFrame frame_;
   int threads_;
+  Watch& watch_;
   std::vector<Settled> found_;
 };
 
 /// Of the first compared frames.
 std::vector<double> errors_of(const Trial& trial, const std::vector<Points>& starts,
-                              const Fabric& fabric, int frame_count, int threads) {
-  std::vector<double> errors(starts.size());
+                              const Fabric& fabric, int frame_count, int threads, Watch& watch) {
+  std::vector<double> errors(starts.size(), kInfinity);
   parallel_for(errors.size(), threads, [&](std::size_t i) {
+    if (watch.stopped()) return;
     Scene scene = trial.scene;
     scene.start = starts[i];
     errors[i] = evaluate_scene(trial, std::move(scene), fabric, frame_count, nullptr, 1).error;
+    watch.tell();
   });
   return errors;
 }
@@ -133,11 +160,13 @@ std::vector<double> errors_of(const Trial& trial, const std::vector<Points>& sta
 }  // namespace
 
 std::shared_ptr<const Trial> with_start_for(std::shared_ptr<const Trial> trial,
-                                            const Fabric& fabric, int frame_count, int threads) {
+                                            const Fabric& fabric, int frame_count, int threads,
+                                            const StartObserver& observer) {
   if (trial->other_starts.empty()) return trial;
+  Watch watch(observer);
   std::vector<Points> starts{trial->scene.start};
   starts.insert(starts.end(), trial->other_starts.begin(), trial->other_starts.end());
-  StartSearch search(*trial, fabric, threads);
+  StartSearch search(*trial, fabric, threads, watch);
   search.begin(starts);
   search.go_on();
   starts = search.best(kMoved, search.settle(trial->scene.start));
@@ -146,7 +175,8 @@ std::shared_ptr<const Trial> with_start_for(std::shared_ptr<const Trial> trial,
   const int fit_frames = std::min(trial->capture.fit_last - trial->first_frame + 1,
                                   frame_count == 0 ? trial->frame_count() : frame_count);
   const std::vector<double> errors =
-      errors_of(*trial, starts, fabric, std::max(fit_frames, 1), threads);
+      errors_of(*trial, starts, fabric, std::max(fit_frames, 1), threads, watch);
+  if (watch.stopped()) return trial;
   const auto best = static_cast<std::size_t>(std::ranges::min_element(errors) - errors.begin());
   if (!(errors[best] < kLowered * errors.front())) return trial;
   return with_start_beside_own(*trial, std::move(starts[best]));
@@ -154,8 +184,8 @@ std::shared_ptr<const Trial> with_start_for(std::shared_ptr<const Trial> trial,
 
 std::vector<std::shared_ptr<const Trial>> with_starts_for(
     std::vector<std::shared_ptr<const Trial>> trials, const Fabric& fabric, int frame_count,
-    int threads) {
-  for (auto& trial : trials) trial = with_start_for(trial, fabric, frame_count, threads);
+    int threads, const StartObserver& observer) {
+  for (auto& trial : trials) trial = with_start_for(trial, fabric, frame_count, threads, observer);
   return trials;
 }
 

@@ -1,10 +1,15 @@
 #pragma once
+#include <functional>
 #include <memory>
 #include <vector>
 
 #include "weft/estimate/problem.h"
 
 namespace weft {
+
+/// While starts are tried: called after each simulation, from one thread at a time. Returning false
+/// stops the search.
+using StartObserver = std::function<bool()>;
 
 /// The trial with the start that suits the fabric. What the camera does not see of the first frame
 /// (where a rim hangs behind the cloth, or how a fold goes on inside) leaves several surfaces, of
@@ -16,16 +21,16 @@ namespace weft {
 /// over the first `frame_count` compared frames (0: all) is taken, never beyond the capture's fit
 /// frames. The trial's own start stays where that does not lower its error by a tenth.
 ///
-/// Returns `trial` itself where there is nothing to choose from or nothing better was found. Reads
-/// the video's first frame. Pure, whatever `threads` (0: all cores).
+/// Returns `trial` itself where there is nothing to choose from or nothing better was found, or the
+/// observer stopped it. Reads the video's first frame. Pure, whatever `threads` (0: all cores).
 std::shared_ptr<const Trial> with_start_for(std::shared_ptr<const Trial> trial,
                                             const Fabric& fabric, int frame_count = 0,
-                                            int threads = 0);
+                                            int threads = 0, const StartObserver& observer = {});
 
 /// Of each.
 std::vector<std::shared_ptr<const Trial>> with_starts_for(
     std::vector<std::shared_ptr<const Trial>> trials, const Fabric& fabric, int frame_count = 0,
-    int threads = 0);
+    int threads = 0, const StartObserver& observer = {});
 
 /// Each that has other starts with the equilibrium of `fabric` that its start leads to in its
 /// place, if there is one: fabrics like it settle from there in a quarter of the iterations, and

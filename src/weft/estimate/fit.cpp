@@ -88,7 +88,7 @@ class Fit {
 
   /// Tells the observer; false if the fit is to stop.
   bool tell(FitStep step, std::size_t done, std::size_t total) {
-    FitProgress progress{std::move(step), done, total, 0};
+    FitProgress progress{std::move(step), {}, done, total, 0};
     {
       const std::lock_guard lock(mutex_);
       progress.replayed = result_.replayed;

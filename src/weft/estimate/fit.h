@@ -54,7 +54,9 @@ struct FitStep {
 /// While a fit runs: the step just made and how many its phase has in all.
 struct FitProgress {
   FitStep step;
-  /// In this phase; done 0: it begins, from what `step` says; total 0: not known (variability).
+  std::string part;  ///< where a phase has several: "stage 1 of 3", "round 2 of at most 4"
+  /// In this part of the phase; done 0: it begins, from what `step` says; total 0: not known
+  /// (variability, descents, starts).
   std::size_t done = 0, total = 0;
   std::size_t replayed = 0;  ///< evaluations so far that were read from the store
 };

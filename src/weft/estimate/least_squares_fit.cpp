@@ -106,6 +106,7 @@ class LeastSquaresFit {
       if (renewed || !last) settle_starts(candidates);
       if (renewed && last) run_stage(stages_[k], candidates);
     }
+    if (stopped_) look_at_best_of_fewer_frames(candidates);
     hop();
     conclude();
     result_.wall_s = seconds_since(begin);
@@ -142,28 +143,36 @@ class LeastSquaresFit {
                 std::size_t total = 0) {
     const std::lock_guard lock(announcing_);
     if (phase != phase_) begin_phase(phase);
+    if (part_ != told_part_) begin_part();
     phase_best_ = std::min(phase_best_, evaluation.error);
     ++phase_done_;
     tell({phase, ++announced_, evaluation.error, phase_best_, 0}, total);
   }
 
-  /// Of a phase whose first step takes long; `before`: what it begins from.
-  void announce_begin(const std::string& phase, const ProblemEvaluation& before,
-                      std::size_t total) {
+  /// Of the search for starts, which is no evaluation of the fit's; `error`: of what it begins
+  /// from.
+  void announce_starts(double error, std::size_t tried) {
     const std::lock_guard lock(announcing_);
-    begin_phase(phase);
-    tell({phase, announced_, before.error, before.error, 0}, total);
+    if (tried == 0) begin_phase("starts");
+    phase_done_ = tried;
+    tell({"starts", announced_, error, error, 0}, 0);
   }
 
   void begin_phase(const std::string& phase) {
     phase_ = phase;
     phase_best_ = kInfinity;
+    begin_part();
+  }
+
+  void begin_part() {
+    told_part_ = part_;
     phase_done_ = 0;
   }
 
   void tell(FitStep step, std::size_t total) {
     const std::size_t replayed = result_.replayed + replayed_below_;
-    if (observer_ && !observer_({std::move(step), phase_done_, total, replayed})) stopped_ = true;
+    if (observer_ && !observer_({std::move(step), part_, phase_done_, total, replayed}))
+      stopped_ = true;
     if (interrupted()) stopped_ = true;
   }
 
@@ -283,12 +292,16 @@ class LeastSquaresFit {
   bool renew_starts(const FitStage& next, std::vector<Contender>& candidates) {
     if (stopped_ || !starts_differ(*problem_)) return false;
     const Contender before = candidates.front();
-    ProblemEvaluation known;
-    known.error = before.cost;
-    announce_begin("starts", known, 1);
+    std::size_t tried = 0;
+    announce_starts(before.cost, tried);
+    if (stopped_) return false;
     auto suited = with_starts_for_stored(*before.problem, problem_->fabric(before.scaled),
-                                         next.frames, options_.threads, store_);
-    announce("starts", known, 1);
+                                         next.frames, options_.threads, store_, [&] {
+                                           announce_starts(before.cost, ++tried);
+                                           return !stopped_;
+                                         });
+    if (stopped_) return false;
+    announce_starts(before.cost, tried);
     if (suited == before.problem->trials()) return false;
     const auto renewed =
         std::make_shared<const Problem>(before.problem->with_trials(std::move(suited)));
@@ -342,6 +355,7 @@ class LeastSquaresFit {
   /// Candidates are improved side by side. Where a core has no candidate left it follows the
   /// derivatives of another's motion and looks at its frames.
   void run_stage(const FitStage& stage, std::vector<Contender>& candidates) {
+    part_ = fmt::format("stage {} of {}", &stage - stages_.data() + 1, stages_.size());
     const bool first = &stage == &stages_.front();
     if (first) keep_best(stage.survivors, candidates);  // by the screening
     const std::size_t descended = candidates.size();
@@ -364,6 +378,7 @@ class LeastSquaresFit {
       candidates[i].scaled = descents[i].end;
       candidates[i].cost = descents[i].cost;
     }
+    part_.clear();
   }
 
   /// From the best point of all frames, with its starts.
@@ -378,6 +393,7 @@ class LeastSquaresFit {
     int fruitless = 0;
     std::vector<double> errors;  // before each round
     for (int round = 0; round < hops.rounds && fruitless < hops.patience && !stopped_; ++round) {
+      part_ = fmt::format("round {} of at most {}", round + 1, hops.rounds);
       if (round == 0 || about != result_.scaled) model = model_at_best(stage);
       about = result_.scaled;
       if (!std::isfinite(model.cost)) return;
@@ -391,6 +407,7 @@ class LeastSquaresFit {
       record_all(stage, "hops", candidates, descend(stage, "hops", candidates));
       fruitless = best_error_ < (1 - hops.least_gain) * errors.back() ? 0 : fruitless + 1;
     }
+    part_.clear();
     if (!errors.empty() && fruitless < hops.patience && !stopped_)
       result_.hop_gain = 1 - best_error_ / *(errors.end() - std::min(hops.patience, hops.rounds));
   }
@@ -568,6 +585,18 @@ class LeastSquaresFit {
     note_start(there, stored.evaluation);
   }
 
+  /// Of a fit that was stopped before its candidates were compared on all frames: what it knows is
+  /// more than the middle of the ranges.
+  void look_at_best_of_fewer_frames(const std::vector<Contender>& candidates) {
+    const std::string phase = phase_of(FitStage{});
+    if (std::ranges::find(result_.history, phase, &FitStep::phase) != result_.history.end()) return;
+    const Contender& best = *std::ranges::min_element(candidates, {}, &Contender::cost);
+    if (!std::isfinite(best.cost)) return;
+    const StoredEvaluation found = evaluate_point(best, 0, phase, options_.threads);
+    result_.replayed += found.replayed;
+    record(phase, best, 0, found.evaluation);
+  }
+
   void conclude() {
     if (best_problem_ != screened_ && !stopped_) look_at_middle_from_there();
     result_.compared = best_problem_->trials();
@@ -609,6 +638,7 @@ class LeastSquaresFit {
   std::mutex announcing_;
   std::size_t replayed_below_ = 0;  // among what is not recorded yet
   std::string phase_;               // of the last announcement, with what follows
+  std::string part_, told_part_;    // now, and of the last announcement
   double phase_best_ = kInfinity;
   std::size_t phase_done_ = 0, announced_ = 0;
   std::atomic<bool> stopped_ = false;

@@ -76,7 +76,8 @@ struct LeastSquaresFitOptions {
 /// Fits the free parameters of `problem` by least squares through the derivatives of the motion,
 /// from coarse to fine: screening on a few frames, then LevenbergMarquardt stage by stage over more
 /// frames and narrower losses, then from points about its end. The estimate is the point with the
-/// smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all frames.
+/// smallest ProblemEvaluation::error (the paper's) of all that were evaluated on all frames; where
+/// the fit is stopped before a stage has them, the best of fewer frames is evaluated so first.
 /// FitResult::start is where the last stage started (FitResult::initial if it was stopped before);
 /// there are no variability curves. Before each stage the best candidate, and those that have the
 /// same starts, are given those that suit it (with_starts_for), and again after the last, which is

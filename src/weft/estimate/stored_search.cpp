@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <optional>
 #include <string>
 
-#include "weft/estimate/choose_start.h"
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/packed_numbers.h"
 
@@ -75,11 +75,12 @@ Found through(EvaluationStore* store, const char* kind, const Problem& problem, 
 using Trials = std::vector<std::shared_ptr<const Trial>>;
 
 /// Of each trial whether it has another start, and which: replayed where the problem was asked with
-/// the same other starts, else what `find` makes of its trials. `change` gives a trial a start.
+/// the same other starts, else what `find` makes of its trials, which stay as they are where that
+/// was stopped. `change` gives a trial a start.
 Trials starts_through(EvaluationStore* store, const char* kind, const Problem& problem,
                       const Fabric& fabric, int frame_count, const auto& find, const auto& change) {
   const Trials& before = problem.trials();
-  if (!store) return find(before);
+  if (!store) return find(before).value_or(before);
   ContentHash others;
   for (const auto& trial : before)
     for (const Points& start : trial->other_starts) others.add(start);
@@ -92,14 +93,16 @@ Trials starts_through(EvaluationStore* store, const char* kind, const Problem& p
         trial = change(*trial, Points(reader.matrix(3, trial->scene.start.cols())));
     return found;
   }
-  Trials found = find(before);
+  const std::optional<Trials> found = find(before);
+  if (!found) return before;
   NumberWriter writer;
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    writer.add(found[i] == before[i] ? 0 : 1);
-    if (found[i] != before[i]) writer.add(found[i]->scene.start);
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const auto& trial = (*found)[i];
+    writer.add(trial == before[i] ? 0 : 1);
+    if (trial != before[i]) writer.add(trial->scene.start);
   }
   store->add_numbers(problem, fabric, frame_count, key, writer.numbers());
-  return found;
+  return *found;
 }
 
 }  // namespace
@@ -145,10 +148,18 @@ StoredLinearization linearize_stored(const Problem& problem, const VecX& scaled,
 }
 
 Trials with_starts_for_stored(const Problem& problem, const Fabric& fabric, int frame_count,
-                              int threads, EvaluationStore* store) {
+                              int threads, EvaluationStore* store, const StartObserver& observer) {
+  bool stopped = false;
+  const StartObserver watched = [&] {
+    stopped = stopped || (observer && !observer());
+    return !stopped;
+  };
   return starts_through(
       store, "suited starts", problem, fabric, frame_count,
-      [&](const Trials& trials) { return with_starts_for(trials, fabric, frame_count, threads); },
+      [&](const Trials& trials) -> std::optional<Trials> {
+        Trials found = with_starts_for(trials, fabric, frame_count, threads, watched);
+        return stopped ? std::nullopt : std::optional(std::move(found));
+      },
       with_start_beside_own);
 }
 
@@ -156,7 +167,9 @@ Trials with_settled_starts_stored(const Problem& problem, const Fabric& fabric, 
                                   EvaluationStore* store) {
   return starts_through(
       store, "settled starts", problem, fabric, 0,
-      [&](const Trials& trials) { return with_settled_starts(trials, fabric, threads); },
+      [&](const Trials& trials) {
+        return std::optional(with_settled_starts(trials, fabric, threads));
+      },
       with_start);
 }
 

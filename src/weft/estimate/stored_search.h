@@ -2,6 +2,7 @@
 #include <memory>
 #include <vector>
 
+#include "weft/estimate/choose_start.h"
 #include "weft/estimate/evaluation_store.h"
 #include "weft/estimate/linearize_trial.h"
 
@@ -25,11 +26,11 @@ struct StoredLinearization {
 StoredLinearization linearize_stored(const Problem& problem, const VecX& scaled,
                                      const LinearizationOptions& options, EvaluationStore* store);
 
-/// with_starts_for() and with_settled_starts() of the problem's trials.
-std::vector<std::shared_ptr<const Trial>> with_starts_for_stored(const Problem& problem,
-                                                                 const Fabric& fabric,
-                                                                 int frame_count, int threads,
-                                                                 EvaluationStore* store);
+/// with_starts_for() and with_settled_starts() of the problem's trials. Where the observer stops
+/// the search they are returned as they are, and nothing is stored.
+std::vector<std::shared_ptr<const Trial>> with_starts_for_stored(
+    const Problem& problem, const Fabric& fabric, int frame_count, int threads,
+    EvaluationStore* store, const StartObserver& observer = {});
 std::vector<std::shared_ptr<const Trial>> with_settled_starts_stored(const Problem& problem,
                                                                      const Fabric& fabric,
                                                                      int threads,
