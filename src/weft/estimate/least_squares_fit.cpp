@@ -407,7 +407,6 @@ class LeastSquaresFit {
       record_all(stage, "hops", candidates, descend(stage, "hops", candidates));
       fruitless = best_error_ < (1 - hops.least_gain) * errors.back() ? 0 : fruitless + 1;
     }
-    part_.clear();
     if (!errors.empty() && fruitless < hops.patience && !stopped_)
       result_.hop_gain = 1 - best_error_ / *(errors.end() - std::min(hops.patience, hops.rounds));
   }
@@ -598,6 +597,7 @@ class LeastSquaresFit {
   }
 
   void conclude() {
+    part_.clear();
     if (best_problem_ != screened_ && !stopped_) look_at_middle_from_there();
     result_.compared = best_problem_->trials();
     result_.fabric = problem_->fabric(result_.scaled);
