@@ -31,8 +31,7 @@ Fabric start_fabric(const MechanicalFitArguments& arguments,
 
 std::vector<std::string> free_parameters(const MechanicalFitArguments& arguments,
                                          const Fabric& fabric) {
-  for (const std::string& name : arguments.parameters)
-    with_errors_at({.key = "--parameters"}, [&] { fabric.value_index(name); });
+  check_parameters("--parameters", fabric, arguments.parameters);
   return arguments.parameters.empty() ? names_at_rest(fabric) : arguments.parameters;
 }
 

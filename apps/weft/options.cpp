@@ -363,6 +363,12 @@ void check_parameters(const std::string& option, const std::string& model,
     with_errors_at({.key = option}, [&] { parameter_index(model, name); });
 }
 
+void check_parameters(const std::string& option, const Fabric& fabric,
+                      const std::vector<std::string>& names) {
+  for (const std::string& name : names)
+    with_errors_at({.key = option}, [&] { fabric.value_index(name); });
+}
+
 std::function<bool(std::size_t, std::size_t)> progress_observer(const std::string& label) {
   // The bar is made at the first call, when the total is known, and lives as long as the observer.
   auto bar = std::make_shared<std::unique_ptr<Progress>>();

@@ -130,6 +130,9 @@ Fabric start_of_fit(Fabric fabric, const std::vector<std::string>& include, std:
 /// Throws Error, with the option's name, for a parameter that the model does not have.
 void check_parameters(const std::string& option, const std::string& model,
                       const std::vector<std::string>& names);
+/// The same for a value that the fabric does not have: its curves have several.
+void check_parameters(const std::string& option, const Fabric& fabric,
+                      const std::vector<std::string>& names);
 
 /// Observer of a grid of evaluations: shows progress, and stops on Ctrl-C.
 std::function<bool(std::size_t, std::size_t)> progress_observer(const std::string& label);

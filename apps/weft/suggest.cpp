@@ -117,8 +117,7 @@ MatX known_information(const Known& known) {
 }
 
 void check_options(const SuggestArguments& arguments, const Fabric& fabric) {
-  for (const std::string& name : arguments.parameters)
-    with_errors_at({.key = "--parameters"}, [&] { fabric.value_index(name); });
+  check_parameters("--parameters", fabric, arguments.parameters);
   if (!arguments.video_option.empty())
     with_errors_at({.key = arguments.video_option}, [&] { require_motion_model(fabric); });
 }

@@ -29,7 +29,8 @@ int main(int argc, char** argv) try {
       weft::make_scene(capture, vertices_along_a_side, vertices_along_a_side, 0, last_frame);
   scene.start = weft::generic_starts(scene).front().x;
 
-  std::vector<int> parameters(fabric.value_names().size());
+  const std::vector<std::string> names = fabric.value_names();
+  std::vector<int> parameters(names.size());
   std::iota(parameters.begin(), parameters.end(), 0);
   const auto [motion, by_parameter] = weft::simulate_with_sensitivities(scene, fabric, parameters);
   if (motion.diverged) {
@@ -42,9 +43,9 @@ int main(int argc, char** argv) try {
   last.row(2).minCoeff(&lowest);
   std::printf("vertex %d at %.4f, %.4f, %.4f m; moves per percent of\n", static_cast<int>(lowest),
               last(0, lowest), last(1, lowest), last(2, lowest));
-  for (int i = 0; i < fabric.values.size(); ++i) {
+  for (const int i : parameters) {
     const weft::Vec3 derivative = by_parameter.x.back().block<3, 1>(3 * lowest, i);
-    std::printf("  %-20s %8.4f mm\n", fabric.value_names()[static_cast<std::size_t>(i)].c_str(),
+    std::printf("  %-20s %8.4f mm\n", names[static_cast<std::size_t>(i)].c_str(),
                 1e3 * derivative.norm() * 0.01 * fabric.values[i]);
   }
   return 0;

@@ -80,7 +80,7 @@ using Trials = std::vector<std::shared_ptr<const Trial>>;
 Trials starts_through(EvaluationStore* store, const char* kind, const Problem& problem,
                       const Fabric& fabric, int frame_count, const auto& find, const auto& change) {
   const Trials& before = problem.trials();
-  if (!store) return find(before).value_or(before);
+  if (!store) return std::optional<Trials>(find(before)).value_or(before);
   ContentHash others;
   for (const auto& trial : before)
     for (const Points& start : trial->other_starts) others.add(start);
@@ -167,9 +167,7 @@ Trials with_settled_starts_stored(const Problem& problem, const Fabric& fabric, 
                                   EvaluationStore* store) {
   return starts_through(
       store, "settled starts", problem, fabric, 0,
-      [&](const Trials& trials) {
-        return std::optional(with_settled_starts(trials, fabric, threads));
-      },
+      [&](const Trials& trials) { return with_settled_starts(trials, fabric, threads); },
       with_start);
 }
 
