@@ -3,9 +3,13 @@
 include(CMakePackageConfigHelpers)
 set(weft_package ${CMAKE_INSTALL_LIBDIR}/cmake/weft)
 
-# What was found outside the system's folders is found there again; installing need not change that.
-set_target_properties(weft PROPERTIES BUILD_WITH_INSTALL_RPATH ON INSTALL_RPATH_USE_LINK_PATH ON)
+# What was found outside the system's folders is found there again, and the codecs beside the program
+# in a build as beside the libraries where both are installed: installing need not change that.
+file(RELATIVE_PATH weft_libraries /${CMAKE_INSTALL_BINDIR} /${CMAKE_INSTALL_LIBDIR})
+set_target_properties(weft PROPERTIES BUILD_WITH_INSTALL_RPATH ON INSTALL_RPATH_USE_LINK_PATH ON
+                      INSTALL_RPATH "$ORIGIN;$ORIGIN/${weft_libraries}")
 install(TARGETS weft RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(TARGETS weft_codecs LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
 foreach(module ${WEFT_MODULES})
   set_target_properties(weft_${module} PROPERTIES EXPORT_NAME ${module})
   install(TARGETS weft_${module} EXPORT weft ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})

@@ -5,11 +5,12 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
-#include <opencv2/imgcodecs.hpp>
+#include <opencv2/core.hpp>
 
 #include "common/temporary_folder.h"
 #include "report/sample_report.h"
 #include "weft/base/error.h"
+#include "weft/vision/codecs.h"
 
 namespace weft::pictures_test {
 namespace {
@@ -22,7 +23,7 @@ Rgb at(const Picture& picture, int row, int column) {
 }
 
 Picture decode(const EncodedPicture& encoded) {
-  const cv::Mat bgr = cv::imdecode(encoded.bytes, cv::IMREAD_COLOR);
+  const cv::Mat bgr = codecs().decode_picture(encoded.bytes);
   Picture picture{bgr.cols, bgr.rows, {}};
   for (int i = 0; i < bgr.rows; ++i) {
     for (int j = 0; j < bgr.cols; ++j) {

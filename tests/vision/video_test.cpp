@@ -6,12 +6,13 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/videoio.hpp>
+#include <memory>
+#include <opencv2/core.hpp>
 #include <string>
 
 #include "common/temporary_folder.h"
 #include "weft/base/error.h"
+#include "weft/vision/codecs.h"
 
 namespace weft::video_test {
 namespace {
@@ -70,7 +71,7 @@ TEST_F(Video, GreyIsTheLumaOfLinearLight) {
   picture.at<cv::Vec3b>(1, 0) = {188, 188, 188};
   picture.at<cv::Vec3b>(1, 1) = {255, 255, 255};
   picture.at<cv::Vec3b>(1, 2) = {8, 8, 8};  // the straight part of the curve
-  cv::imwrite((folder_ / "0.png").string(), picture);
+  codecs().write_picture((folder_ / "0.png").string(), picture);
   const Image grey = read_frames(folder_ / "%d.png", 1).front();
   EXPECT_NEAR(grey(0, 0), 0.2126 * 0.50289, 1e-5);
   EXPECT_NEAR(grey(0, 1), 0.7152 * 0.50289, 1e-5);
@@ -84,7 +85,7 @@ TEST_F(Video, SixteenBitImagesKeepTheirDepth) {
   cv::Mat picture(1, 2, CV_16UC1);
   picture.at<std::uint16_t>(0, 0) = 48400;
   picture.at<std::uint16_t>(0, 1) = 48401;
-  cv::imwrite((folder_ / "0.png").string(), picture);
+  codecs().write_picture((folder_ / "0.png").string(), picture);
   const Image grey = read_frames(folder_ / "%d.png", 1).front();
   EXPECT_NEAR(grey(0, 0), std::pow((48400.0 / 65535 + 0.055) / 1.055, 2.4), 1e-6);
   EXPECT_GT(grey(0, 1), grey(0, 0));
@@ -92,14 +93,13 @@ TEST_F(Video, SixteenBitImagesKeepTheirDepth) {
 
 TEST_F(Video, EncodedFramesComeBackInOrder) {
   const fs::path file = folder_ / "video.avi";
-  cv::VideoWriter writer(file.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'),
-                         30, {64, 48}, true);
-  if (!writer.isOpened()) GTEST_SKIP() << "no encoder";
+  std::unique_ptr<VideoWriter> writer = codecs().create_video(file.string(), "MJPG", 30, 64, 48);
+  if (!writer) GTEST_SKIP() << "no encoder";
   for (int frame = 0; frame < 4; ++frame) {
     write_png(folder_ / "frame.png", ramp(frame));
-    writer.write(cv::imread((folder_ / "frame.png").string()));
+    writer->write(codecs().read_picture((folder_ / "frame.png").string(), PictureChannels::colour));
   }
-  writer.release();
+  writer.reset();
   const auto frames = read_frames(file, 4);
   ASSERT_EQ(frames.size(), 4U);
   for (int frame = 0; frame < 4; ++frame) {

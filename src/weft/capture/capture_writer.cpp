@@ -2,14 +2,15 @@
 
 #include <cmath>
 #include <fstream>
+#include <memory>
 #include <opencv2/core.hpp>
-#include <opencv2/videoio.hpp>
 
 #include "weft/base/error.h"
 #include "weft/base/text_file.h"
 #include "weft/capture/capture.h"
 #include "weft/capture/srgb.h"
 #include "weft/mesh/mesh_io.h"
+#include "weft/vision/codecs.h"
 #include "weft/vision/video.h"
 
 namespace weft {
@@ -115,11 +116,9 @@ bool write_h264(const std::filesystem::path& path, const std::vector<Image>& fra
   const int columns = static_cast<int>(frames.front().cols());
   // 4:2:0 has one colour sample for 2 x 2 pixels.
   if (rows % 2 != 0 || columns % 2 != 0) return false;
-  cv::VideoWriter writer;
-  if (!writer.open(path.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'), rate,
-                   cv::Size(columns, rows))) {
-    return false;
-  }
+  const std::unique_ptr<VideoWriter> writer =
+      codecs().create_video(path.string(), "avc1", rate, columns, rows);
+  if (!writer) return false;
   cv::Mat picture(rows, columns, CV_8UC3);
   for (const Image& frame : frames) {
     for (int i = 0; i < rows; ++i) {
@@ -128,7 +127,7 @@ bool write_h264(const std::filesystem::path& path, const std::vector<Image>& fra
         picture.at<cv::Vec3b>(i, j) = cv::Vec3b(grey, grey, grey);
       }
     }
-    writer.write(picture);
+    writer->write(picture);
   }
   return true;
 }

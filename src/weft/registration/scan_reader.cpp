@@ -9,7 +9,6 @@
 #include <initializer_list>
 #include <iterator>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <string_view>
 
@@ -18,6 +17,7 @@
 #include "weft/base/number_text.h"
 #include "weft/mesh/mesh_io.h"
 #include "weft/registration/scan.h"
+#include "weft/vision/codecs.h"
 
 namespace weft {
 namespace {
@@ -260,7 +260,7 @@ fs::path picture_of(const fs::path& material) {
 }
 
 void read_picture(const fs::path& path, ScanTexture& texture) {
-  const cv::Mat picture = cv::imread(path.string(), cv::IMREAD_COLOR);
+  const cv::Mat picture = codecs().read_picture(path.string(), PictureChannels::colour);
   if (picture.empty()) throw error_at({path, 0, {}}, "cannot be read as a picture");
   texture.width = picture.cols;
   texture.height = picture.rows;

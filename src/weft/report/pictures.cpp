@@ -8,13 +8,14 @@
 #include <iterator>
 #include <map>
 #include <numbers>
-#include <opencv2/imgcodecs.hpp>
+#include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
 #include "weft/base/error.h"
 #include "weft/base/files.h"
 #include "weft/report/colour_map.h"
+#include "weft/vision/codecs.h"
 
 namespace weft {
 namespace {
@@ -54,11 +55,11 @@ cv::Mat to_bgr(const Picture& picture) {
   return bgr;
 }
 
-EncodedPicture encode(const Picture& picture, const char* extension, const char* mime,
-                      const std::vector<int>& options) {
+/// `encoder`: false if it cannot.
+template <typename Encoder>
+EncodedPicture encode(const Picture& picture, const char* mime, const Encoder& encoder) {
   EncodedPicture encoded{mime, {}, picture.width, picture.height};
-  if (picture.width < 1 || picture.height < 1 ||
-      !cv::imencode(extension, to_bgr(picture), encoded.bytes, options)) {
+  if (picture.width < 1 || picture.height < 1 || !encoder(to_bgr(picture), encoded.bytes)) {
     throw Error(fmt::format("a picture of {} x {} pixels cannot be encoded as {}", picture.width,
                             picture.height, mime));
   }
@@ -78,8 +79,7 @@ EncodedPicture read_encoded(const std::filesystem::path& path) {
   EncodedPicture picture;
   picture.bytes.assign(std::istreambuf_iterator<char>(file), {});
   picture.mime = path.extension() == ".png" ? "image/png" : "image/jpeg";
-  const cv::Mat image =
-      picture.bytes.empty() ? cv::Mat() : cv::imdecode(picture.bytes, cv::IMREAD_COLOR);
+  const cv::Mat image = codecs().decode_picture(picture.bytes);
   if (image.empty()) throw Error(path.string() + ": is not a picture");
   picture.width = image.cols;
   picture.height = image.rows;
@@ -238,12 +238,15 @@ Picture montage(const std::vector<Picture>& pictures, int columns, int gap) {
 }
 
 EncodedPicture encode_png(const Picture& picture) {
-  return encode(picture, ".png", "image/png", {cv::IMWRITE_PNG_COMPRESSION, 9});
+  return encode(picture, "image/png", [](const cv::Mat& bgr, std::vector<std::uint8_t>& bytes) {
+    return codecs().encode_png(bgr, bytes);
+  });
 }
 
 EncodedPicture encode_jpeg(const Picture& picture, int quality) {
-  return encode(picture, ".jpg", "image/jpeg",
-                {cv::IMWRITE_JPEG_QUALITY, quality, cv::IMWRITE_JPEG_OPTIMIZE, 1});
+  return encode(picture, "image/jpeg", [&](const cv::Mat& bgr, std::vector<std::uint8_t>& bytes) {
+    return codecs().encode_jpeg(bgr, quality, bytes);
+  });
 }
 
 void write_picture(const std::filesystem::path& path, const Picture& picture) {

@@ -6,13 +6,13 @@
 #include <cmath>
 #include <filesystem>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "weft/base/dense.h"
 #include "weft/base/error.h"
 #include "weft/base/quantile.h"
+#include "weft/vision/codecs.h"
 
 namespace weft {
 namespace {
@@ -161,7 +161,7 @@ Image read_grey_image(const std::filesystem::path& path) {
   if (!std::filesystem::is_regular_file(path, ignored))
     throw Error(fmt::format("{}: no such file", path.string()));
   try {
-    grey = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
+    grey = codecs().read_picture(path.string(), PictureChannels::grey);
   } catch (const cv::Exception&) {
     grey.release();
   }

@@ -4,14 +4,14 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <memory>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/videoio.hpp>
 #include <optional>
 #include <string>
 
 #include "weft/base/error.h"
 #include "weft/base/files.h"
+#include "weft/vision/codecs.h"
 
 namespace weft {
 namespace {
@@ -118,7 +118,8 @@ std::vector<Image> read_numbered(const NumberedImages& images, int frame_count) 
     const fs::path file = images.file(first + frame);
     const std::string where = frame_of(file, frame);
     if (!path_exists(file)) throw Error(where + ": no such file");
-    const cv::Mat picture = cv::imread(file.string(), cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH);
+    const cv::Mat picture =
+        codecs().read_picture(file.string(), PictureChannels::colour_of_any_depth);
     if (picture.empty()) throw Error(where + ": cannot be read as an image");
     frames.push_back(to_grey(picture, where));
     require_same_size(frames.front(), frames.back(), where);
@@ -128,12 +129,12 @@ std::vector<Image> read_numbered(const NumberedImages& images, int frame_count) 
 
 std::vector<Image> read_video_file(const fs::path& path, int frame_count) {
   if (!is_file(path)) throw Error(path.string() + ": no such video file");
-  cv::VideoCapture video(path.string(), cv::CAP_FFMPEG);
-  if (!video.isOpened()) throw Error(path.string() + ": cannot be read as a video");
+  const std::unique_ptr<VideoReader> video = codecs().open_video(path.string());
+  if (!video) throw Error(path.string() + ": cannot be read as a video");
   std::vector<Image> frames;
   cv::Mat picture;
   for (int frame = 0; frame < frame_count; ++frame) {
-    if (!video.read(picture) || picture.empty())
+    if (!video->read(picture))
       throw Error(frame_of(path, frame) + ": cannot be read; " + std::to_string(frame_count) +
                   " frames are needed");
     frames.push_back(to_grey(picture, frame_of(path, frame)));
@@ -158,8 +159,8 @@ std::vector<Image> read_frames(const std::filesystem::path& path, int frame_coun
 std::optional<double> stated_frame_rate(const std::filesystem::path& path) {
   if (NumberedImages::parse(path)) return {};
   try {
-    const cv::VideoCapture video(path.string(), cv::CAP_FFMPEG);
-    const double rate = video.isOpened() ? video.get(cv::CAP_PROP_FPS) : 0;
+    const std::unique_ptr<VideoReader> video = codecs().open_video(path.string());
+    const double rate = video ? video->frame_rate() : 0;
     if (std::isfinite(rate) && rate > 0) return rate;
   } catch (const cv::Exception&) {
   }
@@ -174,7 +175,7 @@ void write_png(const std::filesystem::path& path, const Image& linear) {
       picture.at<std::uint8_t>(y, x) = std::uint8_t(std::lround(255 * srgb_from_linear(light)));
     }
   try {
-    if (cv::imwrite(path.string(), picture)) return;
+    if (codecs().write_picture(path.string(), picture)) return;
   } catch (const cv::Exception& failure) {
     throw Error(path.string() + ": cannot be written: " + failure.err);
   }
