@@ -9,6 +9,10 @@ target_compile_options(weft_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-
                        $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds>
                        $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overread>
                        $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
+# GCC tidies up its memory again and again from 128 MiB on: a tenth of the time of joined sources. From
+# 1 GiB on the largest takes 2.2 GB instead of 1.8.
+target_compile_options(weft_flags INTERFACE
+                       $<$<CXX_COMPILER_ID:GNU>:--param=ggc-min-heapsize=1048576>)
 # Clang counts changes of sign among conversions (GCC does not, in C++), and warns of vectors in the
 # arguments of functions that another program could call.
 target_compile_options(weft_flags INTERFACE $<$<CXX_COMPILER_ID:Clang>:-Wno-sign-conversion>

@@ -49,19 +49,26 @@ class LinearizeTest : public ::testing::Test {
     options.angle_map.kernel_radius = 4;
     options.angle_map.blur_sigma = 2;
     options.simulation.steps_per_frame = 2;
-    trial_ = prepare_trial(capture, 0, 3, options);
+    with_starts_ = prepare_trial(capture, 0, 3, options);
+    // Most of a fit of four frames would be the search for starts.
+    auto trial = std::make_shared<Trial>(*with_starts_);
+    trial->other_starts.clear();
+    trial_ = std::move(trial);
     later_ = prepare_trial(capture, 2, 3, options);
     first_ = prepare_trial(capture, 0, 0, options);
   }
   static void TearDownTestSuite() {
+    with_starts_.reset();
     trial_.reset();
     later_.reset();
     first_.reset();
     folder_.reset();
   }
 
-  static Problem problem() {
-    return Problem({trial_}, true_fabric(), {"stretch_stiffness", "bend_stiffness"});
+  static Problem problem() { return problem_of(trial_); }
+  static Problem problem_with_starts() { return problem_of(with_starts_); }
+  static Problem problem_of(const std::shared_ptr<const Trial>& trial) {
+    return Problem({trial}, true_fabric(), {"stretch_stiffness", "bend_stiffness"});
   }
   /// Away from the truth by a quarter and by a factor of two.
   static VecX wrong() {
@@ -73,7 +80,7 @@ class LinearizeTest : public ::testing::Test {
 
   static inline std::unique_ptr<test::TemporaryFolder> folder_;
   static inline std::filesystem::path root_;
-  static inline std::shared_ptr<const Trial> trial_, later_, first_;
+  static inline std::shared_ptr<const Trial> with_starts_, trial_, later_, first_;
 };
 
 TEST_F(LinearizeTest, SlopeOfAParameterIsThatOfItsScale) {
@@ -255,7 +262,7 @@ TEST_F(LinearizeTest, AFitRecoversTheFabric) {
   std::vector<std::string> parts;
   std::vector<std::vector<std::size_t>> of_starts;
   const FitResult result =
-      run_least_squares_fit(problem(), small_fit(), nullptr, [&](const FitProgress& p) {
+      run_least_squares_fit(problem_with_starts(), small_fit(), nullptr, [&](const FitProgress& p) {
         if (phases.empty() || phases.back() != p.step.phase) {
           phases.push_back(p.step.phase);
           parts.push_back(p.part);
@@ -418,10 +425,7 @@ TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
   EXPECT_LT(result.final.error, alone.final.error);
   EXPECT_EQ(result.hop_gain, 1 - result.final.error / alone.final.error);  // of patience rounds
   EXPECT_EQ(result.final.error, evaluate(problem(), result.fabric).error);
-  // Then the middle of the ranges is looked at again, from the starts of the estimate.
-  ASSERT_GT(result.history.size(), 2u);
-  EXPECT_EQ(result.history.rbegin()[1].phase, "hops");
-  EXPECT_EQ(result.history.back().phase, "start");
+  EXPECT_EQ(result.history.back().phase, "hops");
   EXPECT_GE(result.evaluations,
             alone.evaluations + 2 * (4 + 2));  // a trial step a descent at least
   options.threads = 2;
@@ -434,6 +438,14 @@ TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
   EXPECT_EQ(fruitless.hop_gain, 0);
   options.hops.patience = 1;
   EXPECT_LT(run_least_squares_fit(problem(), options).evaluations, two_rounds);
+  // Where starts have changed, as they do after the first of two stages, the middle of the ranges
+  // is looked at again, from those of the estimate.
+  options.stages = {{2, 1, 1, 2, 1, 0}, {0, 1, 1, 2, 1, 0}};
+  options.hops.rounds = 1;
+  const FitResult moved = run_least_squares_fit(problem_with_starts(), options);
+  ASSERT_GT(moved.history.size(), 2u);
+  EXPECT_EQ(moved.history.rbegin()[1].phase, "hops");
+  EXPECT_EQ(moved.history.back().phase, "start");
 }
 
 TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
@@ -457,6 +469,29 @@ TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
 
   options.annealing.annealing.max_evaluations = 0;
   EXPECT_EQ(run_auto_fit(problem(), options).scaled, descent.scaled);
+}
+
+TEST_F(LinearizeTest, TheSearchForStartsAfterAnnealingIsToldOfAndCanBeStopped) {
+  AutoFitOptions options;
+  options.least_squares = small_fit();
+  options.least_squares.stages = {{0, 1, 1, 3, 1, 0.05}};
+  options.least_squares.hops.rounds = 0;
+  options.annealing.annealing.max_evaluations = 2;
+  options.annealing.with_variability = false;
+  bool annealed = false;
+  std::vector<std::size_t> tried;
+  const FitResult result =
+      run_auto_fit(problem_with_starts(), options, nullptr, [&](const FitProgress& p) {
+        annealed |= p.step.phase == "anneal";
+        if (annealed && p.step.phase == "starts") tried.push_back(p.done);
+        return tried.size() < 3;
+      });
+  EXPECT_EQ(tried, (std::vector<std::size_t>{0, 1, 2}));
+  EXPECT_TRUE(result.stopped);
+  EXPECT_EQ(result.final.error, evaluate(Problem(result.compared, result.fabric,
+                                                 {"stretch_stiffness", "bend_stiffness"}),
+                                         result.fabric)
+                                    .error);
 }
 
 TEST_F(LinearizeTest, OfSeveralSearchesTheBestIsKept) {

@@ -32,6 +32,13 @@ struct Contender {
   double cost = kInfinity;
 };
 
+bool starts_differ(const Problem& problem) {
+  return std::ranges::any_of(problem.trials(),
+                             [](const auto& trial) { return !trial->other_starts.empty(); });
+}
+
+const char* const kStoppedEarly = "stopped before the end: the best so far";
+
 /// Stable: of equal costs the earlier one stays in front.
 void sort_by_cost(std::vector<Contender>& candidates) {
   std::ranges::stable_sort(candidates, {}, &Contender::cost);
@@ -57,6 +64,7 @@ class LeastSquaresFit {
   LeastSquaresFit(const Problem& problem, const LeastSquaresFitOptions& options,
                   EvaluationStore* store, const FitObserver& observer)
       : problem_(std::make_shared<Problem>(problem)),
+        screened_(problem_),
         options_(options),
         stages_(options.stages),
         store_(store),
@@ -280,11 +288,6 @@ class LeastSquaresFit {
     const auto given = std::ranges::find(candidates, problem_, &Contender::problem);
     if (count > 1 && given != candidates.end() && given >= end) end[-1] = std::move(*given);
     candidates.erase(end, candidates.end());
-  }
-
-  static bool starts_differ(const Problem& problem) {
-    return std::ranges::any_of(problem.trials(),
-                               [](const auto& trial) { return !trial->other_starts.empty(); });
   }
 
   /// Gives the best candidate the starts that suit its fabric over the frames of `next`, and with
@@ -625,7 +628,7 @@ class LeastSquaresFit {
           "they are weighed by, is not known");
     if (!std::isfinite(result_.final.error))
       result_.warnings.push_back("every simulation diverged: there is no estimate");
-    if (stopped_) result_.warnings.push_back("stopped before the end: the best so far");
+    if (stopped_) result_.warnings.emplace_back(kStoppedEarly);
   }
 
   std::shared_ptr<const Problem> problem_;       // with the starts that were given, or settled
@@ -656,10 +659,24 @@ void add_trials(int threads, FitResult& result) {
 }
 
 /// Annealing kept the starts that suited where it began; others may suit where it ended.
-void take_better_starts(const Problem& problem, int threads, FitResult& result) {
-  if (result.stopped || !std::isfinite(result.final.error)) return;
-  auto trials = with_starts_for(result.compared, result.fabric, 0, threads);
-  if (trials == result.compared) return;
+void take_better_starts(const Problem& problem, int threads, const FitObserver& observer,
+                        FitResult& result) {
+  if (result.stopped || !std::isfinite(result.final.error) || !starts_differ(problem)) return;
+  const FitStep from{"starts", result.history.size(), result.final.error, result.final.error, 0};
+  std::size_t tried = 0;
+  const auto goes_on = [&] {
+    if (observer && !observer({from, "", tried, 0, result.replayed})) result.stopped = true;
+    if (interrupted()) result.stopped = true;
+    return !result.stopped;
+  };
+  std::vector<std::shared_ptr<const Trial>> trials;
+  if (goes_on())
+    trials = with_starts_for(result.compared, result.fabric, 0, threads, [&] {
+      ++tried;
+      return goes_on();
+    });
+  if (result.stopped) result.warnings.emplace_back(kStoppedEarly);
+  if (result.stopped || trials == result.compared) return;
   const ProblemEvaluation there = evaluate(problem.with_trials(trials), result.fabric, 0, threads);
   if (!(there.error < result.final.error)) return;
   result.compared = std::move(trials);
@@ -758,7 +775,7 @@ FitResult run_auto_fit(const Problem& problem, const AutoFitOptions& options,
   result.initial = descent.initial;
   append(result, descent);
   take_history(descent, result);
-  take_better_starts(from_there, options.least_squares.threads, result);
+  take_better_starts(from_there, options.least_squares.threads, observer, result);
   return result;
 }
 
