@@ -10,7 +10,8 @@ namespace {
 
 class OpenCvReader final : public VideoReader {
  public:
-  explicit OpenCvReader(cv::VideoCapture video) : video_(std::move(video)) {}
+  explicit OpenCvReader(const std::string& path) : video_(path, cv::CAP_FFMPEG) {}
+  bool is_open() const { return video_.isOpened(); }
   bool read(cv::Mat& frame) override { return video_.read(frame) && !frame.empty(); }
   double frame_rate() const override { return video_.get(cv::CAP_PROP_FPS); }
 
@@ -20,7 +21,9 @@ class OpenCvReader final : public VideoReader {
 
 class OpenCvWriter final : public VideoWriter {
  public:
-  explicit OpenCvWriter(cv::VideoWriter video) : video_(std::move(video)) {}
+  OpenCvWriter(const std::string& path, int code, double frame_rate, cv::Size size)
+      : video_(path, cv::CAP_FFMPEG, code, frame_rate, size) {}
+  bool is_open() const { return video_.isOpened(); }
   void write(const cv::Mat& frame) override { video_.write(frame); }
 
  private:
@@ -59,20 +62,17 @@ class OpenCvCodecs final : public Codecs {
                         {cv::IMWRITE_JPEG_QUALITY, quality, cv::IMWRITE_JPEG_OPTIMIZE, 1});
   }
   std::unique_ptr<VideoReader> open_video(const std::string& path) const override {
-    cv::VideoCapture video(path, cv::CAP_FFMPEG);
-    if (!video.isOpened()) return {};
-    return std::make_unique<OpenCvReader>(std::move(video));
+    auto reader = std::make_unique<OpenCvReader>(path);
+    if (!reader->is_open()) return {};
+    return reader;
   }
   std::unique_ptr<VideoWriter> create_video(const std::string& path, const char* code,
                                             double frame_rate, int width,
                                             int height) const override {
-    cv::VideoWriter video;
-    if (!video.open(path, cv::CAP_FFMPEG,
-                    cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]), frame_rate,
-                    cv::Size(width, height))) {
-      return {};
-    }
-    return std::make_unique<OpenCvWriter>(std::move(video));
+    const int number = cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]);
+    auto writer = std::make_unique<OpenCvWriter>(path, number, frame_rate, cv::Size(width, height));
+    if (!writer->is_open()) return {};
+    return writer;
   }
 };
 
