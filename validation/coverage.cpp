@@ -4,18 +4,19 @@
 ///
 ///     weft_validate_coverage OUT [--recoveries N] [--grid N] [--truth-grid N] [--frames N]
 ///                            [--pixels N] [--seed S] [--first N] [--truth same|other|both]
-///                            [--threads N] [--profile PARAMETER]
+///                            [--other all|steps|cells|split] [--threads N]
+///                            [--profile PARAMETER]
 ///
 /// Two kinds of truth: `same` has the mesh and the steps of the fit, so that the noise of the video
-/// is all that is wrong; `other` has a finer mesh, split the other way, and a quarter of the step.
-/// Of the latter the intervals hold what halving the cells and steps of the fit does.
-/// The motion starts from the true first frame in both. With --profile the interval of that
-/// parameter, where it is determined, reaches on either side as far as that or its profile
-/// (estimate/profile.h) does; whether that holds the truth is tallied, too. Writes recoveries.csv
-/// (a row a parameter and recovery; rows of an earlier run stay, so that more recoveries can be
-/// added with --first), parts.csv (truth, recovery, frame or patch, its gradient and matrix at the
-/// estimate), coverage.svg, and prints how often the interval of each parameter that was reported
-/// as determined held the truth.
+/// is all that is wrong; `other` has a finer mesh, split the other way, and a quarter of the step,
+/// or, with --other, one of these alone. Of the latter the intervals hold what halving the cells
+/// and steps of the fit does. The motion starts from the true first frame in both. With --profile
+/// the interval of that parameter, where it is determined, reaches on either side as far as that or
+/// its profile (estimate/profile.h) does; whether that holds the truth is tallied, too. Writes
+/// recoveries.csv (a row a parameter and recovery; rows of an earlier run stay, so that more
+/// recoveries can be added with --first), parts.csv (truth, recovery, frame or patch, its gradient
+/// and matrix at the estimate), coverage.svg, and prints how often the interval of each parameter
+/// that was reported as determined held the truth, and how often of all.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -49,7 +50,8 @@ struct Arguments {
   int threads = 0;
   std::uint64_t seed = 1;
   std::string truth = "both";
-  std::string profile;  ///< the parameter; empty: none
+  std::string other = "all";  ///< what differs: steps, cells, split
+  std::string profile;        ///< the parameter; empty: none
 };
 
 const std::string kHeader =
@@ -58,6 +60,7 @@ const std::string kHeader =
 
 struct Tally {
   int held = 0, determined = 0, all = 0;
+  int held_of_all = 0;
   int profiles = 0, held_with_profile = 0;  ///< of the determined
   std::vector<double> distance;             ///< of the truth from the estimate, in half widths
 };
@@ -107,9 +110,12 @@ class Study {
     layout.wave_amplitude = rng.uniform(0.02, 0.06);
     layout.wave_frequency = rng.uniform(1, 3);
     SyntheticOptions synthetic;
-    synthetic.columns = synthetic.rows = same ? arguments_.grid : arguments_.truth_grid;
-    synthetic.pattern = same ? GridPattern::alternating : GridPattern::uniform;
-    synthetic.simulation.steps_per_frame = same ? kSteps : 4 * kSteps;
+    const auto differs = [&](const char* what) {
+      return !same && (arguments_.other == "all" || arguments_.other == what);
+    };
+    synthetic.columns = synthetic.rows = differs("cells") ? arguments_.truth_grid : arguments_.grid;
+    synthetic.pattern = differs("split") ? GridPattern::uniform : GridPattern::alternating;
+    synthetic.simulation.steps_per_frame = differs("steps") ? 4 * kSteps : kSteps;
     synthetic.seed = arguments_.seed * 1000003 + static_cast<std::uint64_t>(index);
     synthetic.threads = 1;
     const auto trial = simulate_trial(make_layout(layout), truth, trial_, synthetic);
@@ -209,6 +215,7 @@ std::map<std::string, std::map<std::string, Tally>> tally(const std::filesystem:
     if (cells.size() < 9) continue;
     Tally& t = result[cells[0]][cells[2]];
     ++t.all;
+    t.held_of_all += cells[8] == "1";
     if (cells[6] != "1") continue;
     ++t.determined;
     t.held += cells[8] == "1";
@@ -231,8 +238,8 @@ void conclude(const std::filesystem::path& out) {
   chart.value.label = "share";
   chart.value.unit = "%";
   chart.value.upper = 100;
-  fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>10} {:>12}\n", "truth", "parameter", "recoveries",
-             "determined", "held", "share", "90 % at");
+  fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>10} {:>12} {:>10}\n", "truth", "parameter",
+             "recoveries", "determined", "held", "share", "90 % at", "of all");
   for (const auto& [truth, parameters] : tallies) {
     for (const ParameterInfo& info : baraff_witkin_parameters()) {
       const auto at = parameters.find(std::string(info.name));
@@ -245,8 +252,9 @@ void conclude(const std::filesystem::path& out) {
           t.distance.empty() ? 0
                              : t.distance[std::min(t.distance.size() - 1,
                                                    std::size_t(0.9 * double(t.distance.size())))];
-      fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>8.0f} % {:>10.2f}x\n", truth, info.name, t.all,
-                 t.determined, t.held, share, quantile);
+      fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>8.0f} % {:>10.2f}x {:>8.0f} %\n", truth,
+                 info.name, t.all, t.determined, t.held, share, quantile,
+                 100.0 * t.held_of_all / t.all);
       if (t.profiles > 0)
         fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>8.0f} %\n", "", "  or its profile", "",
                    t.profiles, t.held_with_profile, 100.0 * t.held_with_profile / t.profiles);
@@ -289,6 +297,9 @@ Arguments read(int argc, char** argv) {
       arguments.seed = static_cast<std::uint64_t>(validation::number(option, value, 0));
     else if (option == "--truth" && (value == "same" || value == "other" || value == "both"))
       arguments.truth = value;
+    else if (option == "--other" &&
+             (value == "all" || value == "steps" || value == "cells" || value == "split"))
+      arguments.other = value;
     else
       throw Error(fmt::format("{} {}: is not known", option, value));
   }
