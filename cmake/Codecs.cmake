@@ -1,5 +1,6 @@
 # What weft/vision/codecs.h loads when it is first asked for: in the top folder of a build, where it is
 # installed beside the modules. A static library cannot say so itself to those that link it.
+weft_find_opencv(imgcodecs videoio)
 add_library(weft_codecs MODULE src/weft/vision/codecs/opencv_codecs.cpp)
 target_include_directories(weft_codecs PRIVATE ${PROJECT_BINARY_DIR}/include/vision)
 target_link_libraries(weft_codecs PRIVATE opencv_core opencv_imgcodecs opencv_videoio weft_flags)

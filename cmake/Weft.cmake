@@ -68,13 +68,13 @@ function(weft_precompile target owner)
   endif()
 endfunction()
 
-# Up to `most` sources as one: what each would instantiate of Eigen, CLI11 and nlohmann-json is
+# Up to sixteen sources as one: what each would instantiate of Eigen, CLI11 and nlohmann-json is
 # instantiated once, and headers are read once. Half the time of a whole build, but many times that
 # of one source: -DWEFT_JOIN_SOURCES=OFF (preset `develop`) for who edits. Sources of one target
 # have names that differ for this, in unnamed namespaces, too.
-function(weft_join_sources target most)
+function(weft_join_sources target)
   if(WEFT_JOIN_SOURCES)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${most})
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 16)
     # GCC takes each of them for a header, whose unnamed namespaces would differ from source to source.
     target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
   endif()
@@ -94,7 +94,7 @@ function(weft_module name)
     target_link_libraries(weft_${name} PUBLIC ${ARG_LIBRARIES}
                           PRIVATE $<BUILD_INTERFACE:weft_flags>)
     weft_precompile(weft_${name} weft_base)
-    weft_join_sources(weft_${name} 16)
+    weft_join_sources(weft_${name})
     set(kind PUBLIC)
   else()
     add_library(weft_${name} INTERFACE)

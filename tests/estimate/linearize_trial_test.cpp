@@ -448,13 +448,19 @@ TEST_F(LinearizeTest, HopsGoOnFromTheEndOfTheStages) {
   EXPECT_EQ(moved.history.back().phase, "start");
 }
 
-TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
+/// One descent, then as many evaluations of annealing.
+AutoFitOptions descent_and_annealing(int evaluations) {
   AutoFitOptions options;
   options.least_squares = small_fit();
   options.least_squares.stages = {{0, 1, 2, 3, 1, 0.05}};
   options.least_squares.hops.rounds = 0;
-  options.annealing.annealing.max_evaluations = 20;
+  options.annealing.annealing.max_evaluations = evaluations;
   options.annealing.with_variability = false;
+  return options;
+}
+
+TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
+  AutoFitOptions options = descent_and_annealing(20);
   const FitResult descent = run_least_squares_fit(problem(), options.least_squares);
   const FitResult whole = run_auto_fit(problem(), options);
   EXPECT_LE(whole.final.error, descent.final.error);
@@ -472,26 +478,18 @@ TEST_F(LinearizeTest, AnnealingGoesOnFromTheEndOfLeastSquares) {
 }
 
 TEST_F(LinearizeTest, TheSearchForStartsAfterAnnealingIsToldOfAndCanBeStopped) {
-  AutoFitOptions options;
-  options.least_squares = small_fit();
-  options.least_squares.stages = {{0, 1, 1, 3, 1, 0.05}};
-  options.least_squares.hops.rounds = 0;
-  options.annealing.annealing.max_evaluations = 2;
-  options.annealing.with_variability = false;
   bool annealed = false;
   std::vector<std::size_t> tried;
-  const FitResult result =
-      run_auto_fit(problem_with_starts(), options, nullptr, [&](const FitProgress& p) {
-        annealed |= p.step.phase == "anneal";
-        if (annealed && p.step.phase == "starts") tried.push_back(p.done);
-        return tried.size() < 3;
-      });
+  const FitResult result = run_auto_fit(problem_with_starts(), descent_and_annealing(2), nullptr,
+                                        [&](const FitProgress& p) {
+                                          annealed |= p.step.phase == "anneal";
+                                          if (annealed && p.step.phase == "starts")
+                                            tried.push_back(p.done);
+                                          return tried.size() < 3;
+                                        });
   EXPECT_EQ(tried, (std::vector<std::size_t>{0, 1, 2}));
   EXPECT_TRUE(result.stopped);
-  EXPECT_EQ(result.final.error, evaluate(Problem(result.compared, result.fabric,
-                                                 {"stretch_stiffness", "bend_stiffness"}),
-                                         result.fabric)
-                                    .error);
+  EXPECT_EQ(result.final.error, evaluate(problem_of(result.compared.front()), result.fabric).error);
 }
 
 TEST_F(LinearizeTest, OfSeveralSearchesTheBestIsKept) {
