@@ -61,6 +61,7 @@ const std::string kHeader =
 struct Tally {
   int held = 0, determined = 0, all = 0;
   int held_of_all = 0;
+  int bounded = 0, held_of_bounded = 0;     ///< by one end or two
   int profiles = 0, held_with_profile = 0;  ///< of the determined
   std::vector<double> distance;             ///< of the truth from the estimate, in half widths
 };
@@ -216,17 +217,22 @@ std::map<std::string, std::map<std::string, Tally>> tally(const std::filesystem:
     Tally& t = result[cells[0]][cells[2]];
     ++t.all;
     t.held_of_all += cells[8] == "1";
-    if (cells[6] != "1") continue;
+    const bool determined = cells[6] == "1";
+    const double estimate = std::stod(cells[4]), half_width = std::stod(cells[5]);
+    if (determined || estimate - half_width > 0 || estimate + half_width < 1) {
+      ++t.bounded;
+      t.held_of_bounded += cells[8] == "1";
+    }
+    if (!determined) continue;
     ++t.determined;
     t.held += cells[8] == "1";
     if (cells.size() > 16 && !cells[15].empty()) {
-      const double truth = std::stod(cells[3]), at = std::stod(cells[4]),
-                   half = std::stod(cells[5]);
+      const double truth = std::stod(cells[3]);
       ++t.profiles;
-      t.held_with_profile += truth >= std::min(at - half, std::stod(cells[15])) &&
-                             truth <= std::max(at + half, std::stod(cells[16]));
+      t.held_with_profile += truth >= std::min(estimate - half_width, std::stod(cells[15])) &&
+                             truth <= std::max(estimate + half_width, std::stod(cells[16]));
     }
-    t.distance.push_back(std::abs(std::stod(cells[4]) - std::stod(cells[3])) / std::stod(cells[5]));
+    t.distance.push_back(std::abs(estimate - std::stod(cells[3])) / half_width);
   }
   return result;
 }
@@ -238,8 +244,9 @@ void conclude(const std::filesystem::path& out) {
   chart.value.label = "share";
   chart.value.unit = "%";
   chart.value.upper = 100;
-  fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>10} {:>12} {:>10}\n", "truth", "parameter",
-             "recoveries", "determined", "held", "share", "90 % at", "of all");
+  fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>10} {:>12} {:>10} {:>8} {:>8}\n", "truth",
+             "parameter", "recoveries", "determined", "held", "share", "90 % at", "bounded", "held",
+             "of all");
   for (const auto& [truth, parameters] : tallies) {
     for (const ParameterInfo& info : baraff_witkin_parameters()) {
       const auto at = parameters.find(std::string(info.name));
@@ -252,9 +259,9 @@ void conclude(const std::filesystem::path& out) {
           t.distance.empty() ? 0
                              : t.distance[std::min(t.distance.size() - 1,
                                                    std::size_t(0.9 * double(t.distance.size())))];
-      fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>8.0f} % {:>10.2f}x {:>8.0f} %\n", truth,
-                 info.name, t.all, t.determined, t.held, share, quantile,
-                 100.0 * t.held_of_all / t.all);
+      fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>8.0f} % {:>10.2f}x {:>10} {:>8} {:>6.0f} %\n",
+                 truth, info.name, t.all, t.determined, t.held, share, quantile, t.bounded,
+                 t.held_of_bounded, 100.0 * t.held_of_all / t.all);
       if (t.profiles > 0)
         fmt::print("{:<6} {:<18} {:>10} {:>9} {:>8} {:>8.0f} %\n", "", "  or its profile", "",
                    t.profiles, t.held_with_profile, 100.0 * t.held_with_profile / t.profiles);

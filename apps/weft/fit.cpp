@@ -141,9 +141,8 @@ void add_uncertainty(const Uncertainty& uncertainty, Report& report) {
     for (const ParameterInterval& interval : uncertainty.parameters) {
       if (interval.name != p.name) continue;
       p.determined = p.determined && interval.determined;
-      // Wider than the range of the search is no bound.
-      p.interval_lower = interval.determined ? interval.lower : 0;
-      p.interval_upper = interval.determined ? interval.upper : kInfinity;
+      p.interval_lower = interval.lower;
+      p.interval_upper = interval.upper;
     }
   }
 }
@@ -251,9 +250,8 @@ void print_result(const FitResult& fit, const Report& report,
     }
     if (p.interval_upper) {
       certainty += certainty.empty() ? "" : ", ";
-      certainty += std::isfinite(*p.interval_upper)
-                       ? fmt::format("{:.4g} to {:.4g}", *p.interval_lower, *p.interval_upper)
-                       : "interval unbounded";
+      certainty += interval_ends(p) == IntervalEnds::none ? "interval " : "";
+      certainty += interval_in_words(p, [](double value) { return fmt::format("{:.4g}", value); });
     }
     if (p.at_bound != ReportParameter::Bound::none) {
       certainty += certainty.empty() ? "" : ", ";

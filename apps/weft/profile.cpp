@@ -11,6 +11,7 @@
 #include "commands.h"
 #include "options.h"
 #include "profiled.h"
+#include "report_of_fit.h"
 #include "weft/base/error.h"
 #include "weft/base/interrupt.h"
 #include "weft/report/plot.h"
@@ -119,9 +120,7 @@ void profile_one(const Profiled& of, int i, const std::filesystem::path& out, st
   write_points(csv, of, found);
   write_plot(out / fmt::format("{}.svg", info.name), plot_of(info, found, chosen.threshold));
   fmt::print("{:<20} {:>12.5g} {:<11} by derivatives {}; by its profile {}\n", info.name, own.value,
-             info.unit,
-             own.determined ? fmt::format("{:.4g} to {:.4g}", own.lower, own.upper) : "unbounded",
-             interval_of(info, found));
+             info.unit, ends_in_words(own), interval_of(info, found));
   print_warnings(info, found);
 }
 

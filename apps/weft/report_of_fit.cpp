@@ -122,10 +122,17 @@ std::string prior_line(const Report& report, double weight) {
                      *report.prior_error, weight);
 }
 
+std::string ends_in_words(const ParameterInterval& interval) {
+  ReportParameter p;
+  add_interval(interval, 1, p);
+  return interval_in_words(p, [](double value) { return fmt::format("{:.4g}", value); });
+}
+
 std::string certainty_text(const ParameterInterval& interval) {
-  if (!interval.bounded()) return "not determined by the data";
-  const std::string ends = fmt::format("{:.4g} to {:.4g}", interval.lower, interval.upper);
-  return interval.by_prior ? ends + ", of its prior: not determined by the data" : ends;
+  const std::string ends = ends_in_words(interval), open = "not determined by the data";
+  if (interval.determined) return ends;
+  if (interval.by_prior) return ends + ", of its prior: " + open;
+  return open + ", " + ends;
 }
 
 ReportParameter held_parameter(const ParameterInfo& info, const Fabric& fabric, double initial) {

@@ -56,6 +56,7 @@ MatX information_of_intervals(const Report& report, const Fabric& fabric) {
   MatX information = MatX::Zero(fabric.values.size(), fabric.values.size());
   for (const ReportParameter& p : report.parameters) {
     if (!p.free || !p.interval_lower || !p.interval_upper) continue;
+    if (interval_ends(p) != IntervalEnds::both) continue;
     const int i = fabric.value_index(p.name);
     const ParameterInfo info = fabric.info(i);
     const double half =

@@ -4,6 +4,9 @@
 
 #include <cmath>
 
+#include "weft/estimate/residual_intervals.h"
+#include "weft/fabric/parameter.h"
+
 namespace weft::estimate_scatter_test {
 namespace {
 
@@ -53,6 +56,33 @@ TEST(EstimateScatter, IsTheJackknifeAndAtLeastTheNoise) {
     }
   }
   EXPECT_NEAR(normal_half_width(0.9), 1.6449, 1e-4);
+}
+
+TEST(ResidualIntervals, KeepTheEndThatIsInsideOfTheRange) {
+  const auto parts = opposed_parts(Vec2(2, 5), 0.1);
+  ParameterInfo twist = baraff_witkin_parameters()[0];
+  twist.scale = Scale::linear;
+  twist.lower = -10;
+  twist.upper = 10;
+  const std::vector<ParameterInfo> infos{baraff_witkin_parameters()[0], twist};
+  const Vec2 scaled(0.8, 0.3), wide(0.6, 0.55);
+  const auto intervals = [&](const PriorTerm& prior) {
+    return residual_intervals(infos, scaled, sum_of(parts), parts, 1e6, 0.9, wide, prior).intervals;
+  };
+  const auto found = intervals({});
+  EXPECT_FALSE(found[0].bounded());
+  EXPECT_NEAR(to_scaled(infos[0], found[0].lower), 0.8 - found[0].half_width, 1e-9);
+  EXPECT_EQ(found[0].upper, kInfinity);
+  EXPECT_FALSE(found[1].bounded());
+  EXPECT_EQ(found[1].lower, -kInfinity);
+  EXPECT_NEAR(found[1].upper, -10 + 20 * (0.3 + found[1].half_width), 1e-9);
+  // Of a prior that is weaker than the data: its single end would not be theirs.
+  const MatX weak = Vec2(1e-3, 0).asDiagonal();
+  const auto with = intervals({VecX::Zero(2), weak, weak});
+  EXPECT_FALSE(with[0].bounded());
+  EXPECT_EQ(with[0].lower, 0);
+  EXPECT_EQ(with[0].upper, kInfinity);
+  EXPECT_TRUE(std::isfinite(with[1].upper));
 }
 
 TEST(EstimateScatter, LeavesOutWhatABoundHolds) {

@@ -275,6 +275,33 @@ TEST(Uncertainty, DirectionsWithoutDataHaveInfiniteIntervals) {
   EXPECT_NE(u.warnings[0].find("condition number"), std::string::npos);
 }
 
+TEST(Uncertainty, OfAnIntervalWiderThanTheRangeTheEndInsideStays) {
+  const Problem problem =
+      analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });
+  const Problem known(problem.trials(), problem.initial(), problem.free(), problem.evaluator(),
+                      {{"drag_linear", 0.5, 1e6}});
+  const auto parts = random_parts(20, {Vec2(1, 0.2), Vec2(0.1, 1)});
+  UncertaintyOptions wide = single_frames();
+  wide.systematic = VecX::Constant(2, 0.55);
+  const Vec2 scaled(0.9, 0.2);
+  const Uncertainty u = estimate_uncertainty(problem, scaled, parts, wide);
+  const ParameterInterval &bend = u.parameters[0], &drag = u.parameters[1];
+  EXPECT_FALSE(bend.determined);
+  EXPECT_GT(bend.half_width, 0.55);
+  EXPECT_NEAR(to_scaled(problem.info(0), bend.lower), 0.9 - bend.half_width, 1e-9);
+  EXPECT_EQ(bend.upper, kInfinity);
+  EXPECT_FALSE(drag.determined);
+  EXPECT_EQ(drag.lower, 0);
+  EXPECT_NEAR(to_scaled(problem.info(1), drag.upper), 0.2 + drag.half_width, 1e-9);
+  // A prior's single end is not the data's, and in the middle there is no end inside.
+  EXPECT_EQ(estimate_uncertainty(known, scaled, parts, wide).parameters[1].upper, kInfinity);
+  for (const ParameterInterval& p :
+       estimate_uncertainty(problem, Vec2(0.5, 0.5), parts, wide).parameters) {
+    EXPECT_EQ(p.lower, 0);
+    EXPECT_EQ(p.upper, kInfinity);
+  }
+}
+
 TEST(Uncertainty, IntervalsAreSymmetricInTheSearchCoordinate) {
   const Problem problem =
       analytic_problem({"bend_stiffness", "drag_linear"}, [](const VecX&) { return 0.0; });

@@ -181,6 +181,18 @@ TEST(ReportHtml, CertaintyHasItsConditionAndCorrelations) {
   EXPECT_TRUE(contains(html, "class=\"interval\" style=\"left:49.19%;width:2.50%\""));
 }
 
+TEST(ReportHtml, AnIntervalWithOneEndIsShadedToTheEndOfTheRange) {
+  Report report = sample_report();
+  ReportParameter& bend = report.parameters[0];  // range 1e-7 to 1e-2
+  bend.determined = false;
+  bend.interval_lower = 1e-3;
+  bend.interval_upper = test::infinity;
+  const std::string html = report_to_html(report);
+  EXPECT_TRUE(contains(html, "class=\"interval\" style=\"left:80.00%;width:20.00%\""));
+  EXPECT_TRUE(contains(html, "▲ bounded below only"));
+  EXPECT_TRUE(contains(html, "at least 0.001"));
+}
+
 TEST(ReportHtml, DataBehindAPlotIsTheCsvOfThePlot) {
   const std::string html = sample_html();
   const std::string csv = to_csv(temperature_plot(sample_report().history));

@@ -74,9 +74,38 @@ TEST(ReportWarnings, SayWhatIsOfAPrior) {
   const auto warnings = report_warnings(report);
   EXPECT_THAT(warnings, Contains(HasSubstr("say little of " + p.name + " beside its prior")));
   EXPECT_THAT(warnings, Not(Contains(HasSubstr("do not determine"))));
+  p.interval_lower = 0;
   p.interval_upper = infinity;
   EXPECT_FALSE(is_of_prior(p));
   EXPECT_THAT(report_warnings(report), Contains(HasSubstr("do not determine")));
+}
+
+TEST(ReportWarnings, SayWhichSideIsBounded) {
+  Report report = sound_report();
+  ReportParameter& p = report.parameters[0];
+  const auto digits = [](double value) { return std::to_string(static_cast<int>(1e6 * value)); };
+  EXPECT_EQ(interval_ends(p), IntervalEnds::both);
+  p.determined = false;
+  p.interval_lower = 2e-6;
+  p.interval_upper = infinity;
+  EXPECT_EQ(interval_ends(p), IntervalEnds::lower);
+  EXPECT_EQ(interval_in_words(p, digits), "at least 2");
+  auto warnings = report_warnings(report);
+  EXPECT_THAT(warnings, Contains(HasSubstr(p.name + " from one side only: it is at least 2×10⁻⁶")));
+  EXPECT_THAT(warnings, Not(Contains(HasSubstr("do not determine"))));
+  p.interval_lower = 0;
+  p.interval_upper = 5e-6;
+  p.prior_median = p.prior_factor = std::nullopt;
+  EXPECT_EQ(interval_ends(p), IntervalEnds::upper);
+  EXPECT_EQ(interval_in_words(p, digits), "at most 5");
+  EXPECT_THAT(report_warnings(report), Contains(HasSubstr("it is at most 5×10⁻⁶")));
+  // Drag that is determined may be none at all.
+  p.determined = true;
+  EXPECT_EQ(interval_ends(p), IntervalEnds::both);
+  p.determined = false;
+  p.interval_upper = infinity;
+  EXPECT_EQ(interval_ends(p), IntervalEnds::none);
+  EXPECT_EQ(interval_in_words(p, digits), "unbounded");
 }
 
 TEST(ReportWarnings, LeaveHeldParametersAlone) {

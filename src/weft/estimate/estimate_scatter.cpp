@@ -122,6 +122,12 @@ MatX correlation_of(const MatX& covariance) {
 
 double normal_half_width(double confidence) { return two_sided_quantile(confidence, kManyDegrees); }
 
+void open_ends(const ParameterInfo& info, double scaled, double half_width,
+               ParameterInterval& interval) {
+  if (!(scaled - half_width > 0)) interval.lower = info.lower < 0 ? -kInfinity : 0;
+  if (!(scaled + half_width < 1)) interval.upper = kInfinity;
+}
+
 ParameterInterval interval_about(const ParameterInfo& info, double scaled, double half_width) {
   ParameterInterval interval;
   interval.name = info.name;

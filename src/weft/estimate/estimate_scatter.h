@@ -52,6 +52,12 @@ MatX correlation_of(const MatX& covariance);
 /// Of a normal distribution: half its interval over its standard deviation.
 double normal_half_width(double confidence);
 
+/// Opens the ends of an interval that are not inside of the range of the search: infinite, or 0
+/// below where the parameter cannot be negative. Of one whose half width is above
+/// widest_half_interval that leaves one end at most, of one that is infinite none.
+void open_ends(const ParameterInfo& info, double scaled, double half_width,
+               ParameterInterval& interval);
+
 /// From `half_width` below `scaled` to `half_width` above, in the parameter's unit.
 ParameterInterval interval_about(const ParameterInfo& info, double scaled, double half_width);
 

@@ -51,8 +51,10 @@ ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, co
         known && half <= widest_beside_prior * half_width_of_prior(prior, i, confidence);
     interval.by_prior = known && !interval.determined;
     if (!known) {
-      interval.lower = infos[static_cast<std::size_t>(i)].lower < 0 ? -kInfinity : 0;
-      interval.upper = kInfinity;
+      // Of one that a bound holds the data say nothing, and a prior's single end is not theirs.
+      const bool told =
+          scatter.determined(i) && !std::isfinite(half_width_of_prior(prior, i, confidence));
+      open_ends(infos[static_cast<std::size_t>(i)], scaled[i], told ? half : kInfinity, interval);
     }
     result.intervals.push_back(interval);
   }

@@ -36,7 +36,8 @@ struct ResidualIntervals {
 ///
 /// `model` is of the data alone; `prior` adds to it (estimate_scatter.h). A parameter is determined
 /// by the data if its interval is at most widest_beside_prior times the prior's own, and else
-/// ParameterInterval::by_prior.
+/// ParameterInterval::by_prior. Of one that is not, and has no prior, an end that the data bound
+/// stays (open_ends()).
 ResidualIntervals residual_intervals(const std::vector<ParameterInfo>& infos, const VecX& scaled,
                                      QuadraticModel model, const std::vector<CostPart>& parts,
                                      double residual_count, double confidence,

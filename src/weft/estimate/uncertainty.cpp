@@ -9,6 +9,7 @@
 
 #include "weft/base/dense.h"
 #include "weft/base/error.h"
+#include "weft/estimate/estimate_scatter.h"
 #include "weft/estimate/variability.h"
 
 namespace weft {
@@ -429,11 +430,11 @@ class UncertaintyOfEstimate {
     p.lower = p.value;
     p.upper = p.value;
     // No parameter of the model may be negative.
-    if (!(held && p.at_lower))
-      p.lower =
-          std::isinf(half_width) ? 0 : std::max(0.0, from_scaled(info, scaled_[i] - half_width));
-    if (!(held && p.at_upper))
-      p.upper = std::isinf(half_width) ? kInfinity : from_scaled(info, scaled_[i] + half_width);
+    if (!(held && p.at_lower)) p.lower = std::max(0.0, from_scaled(info, scaled_[i] - half_width));
+    if (!(held && p.at_upper)) p.upper = from_scaled(info, scaled_[i] + half_width);
+    if (p.determined) return;
+    const bool told = problem_.prior_precision()[i] == 0;  // a prior's single end is not the data's
+    open_ends(info, scaled_[i], told ? half_width : kInfinity, p);
   }
 
   void warn() {

@@ -94,7 +94,9 @@ inline constexpr double widest_beside_prior = 0.5;
 struct ParameterInterval {
   std::string name, unit;
   double value = 0;
-  double lower = 0, upper = 0;  ///< of the interval, not of the range; infinite if not determined
+  /// Of the interval, not of the range. Where not determined at most one end is left, which is
+  /// inside of the range; the other is infinite, or 0 (open_ends()).
+  double lower = 0, upper = 0;
   /// Half the interval in scaled coordinates, 1 being the whole range of the search.
   double half_width = 0;
   bool determined = true;  ///< half_width is at most widest_half_interval

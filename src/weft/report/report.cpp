@@ -29,11 +29,24 @@ std::string listed(const std::vector<std::string>& names) {
   return text;
 }
 
+bool has_one_end(const ReportParameter& p) {
+  const IntervalEnds ends = interval_ends(p);
+  return ends == IntervalEnds::lower || ends == IntervalEnds::upper;
+}
+
 void warn_of_parameters(const Report& report, std::vector<std::string>& warnings) {
   std::vector<std::string> undetermined, of_prior;
   for (const ReportParameter& p : report.parameters) {
-    if (is_searched(p) && !p.determined && !is_of_prior(p)) undetermined.push_back(p.name);
-    if (is_searched(p) && is_of_prior(p)) of_prior.push_back(p.name);
+    if (!is_searched(p) || p.determined) continue;
+    if (is_of_prior(p))
+      of_prior.push_back(p.name);
+    else if (has_one_end(p))
+      warnings.push_back(fmt::format(
+          "The data bound {} from one side only: it is {}{}. Its value is no "
+          "measurement.",
+          p.name, interval_in_words(p, [](double v) { return format_short(v); }), bare(p)));
+    else
+      undetermined.push_back(p.name);
   }
   if (!of_prior.empty()) {
     const bool one = of_prior.size() == 1;
@@ -153,6 +166,31 @@ std::pair<double, double> range_in_searches(const Report& report, std::size_t in
 bool is_of_prior(const ReportParameter& parameter) {
   return !parameter.determined && parameter.prior_median && parameter.interval_upper &&
          std::isfinite(*parameter.interval_upper);
+}
+
+IntervalEnds interval_ends(const ReportParameter& parameter) {
+  if (!parameter.interval_lower || !parameter.interval_upper) return IntervalEnds::none;
+  const double lower = *parameter.interval_lower;
+  const bool above = std::isfinite(*parameter.interval_upper);
+  // Drag that is determined may be none at all.
+  const bool below = std::isfinite(lower) && (lower != 0 || (above && parameter.determined));
+  if (above) return below ? IntervalEnds::both : IntervalEnds::upper;
+  return below ? IntervalEnds::lower : IntervalEnds::none;
+}
+
+std::string interval_in_words(const ReportParameter& parameter,
+                              const std::function<std::string(double)>& format) {
+  switch (interval_ends(parameter)) {
+    case IntervalEnds::both:
+      return format(*parameter.interval_lower) + " to " + format(*parameter.interval_upper);
+    case IntervalEnds::lower:
+      return "at least " + format(*parameter.interval_lower);
+    case IntervalEnds::upper:
+      return "at most " + format(*parameter.interval_upper);
+    case IntervalEnds::none:
+      break;
+  }
+  return "unbounded";
 }
 
 bool is_searched(const ReportParameter& parameter) {

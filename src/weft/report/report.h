@@ -2,6 +2,7 @@
 /// What a report shows, as plain values: no type of the modules that compute them, so that a report
 /// can be read from a file and shown again without running anything.
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <string>
@@ -32,7 +33,8 @@ struct ReportParameter {
   /// Change of the parameter, %, that raises the error by 1 % (Bhat 2003, section 5); infinity
   /// where the data do not determine it; nothing where it was not computed.
   std::optional<double> variability_percent;
-  /// 90 % interval of the value; an end that the data do not bound is infinite, or 0. Nothing where
+  /// 90 % interval of the value; an end that the data do not bound is infinite, or, below, 0
+  /// (interval_ends()). Nothing where
   /// it was not computed.
   std::optional<double> interval_lower, interval_upper;
   std::optional<double> prior_median, prior_factor;  ///< ParameterPrior; both or neither
@@ -202,6 +204,16 @@ std::vector<std::string> report_warnings(const Report& report);
 
 /// Whether value and interval are the prior's: the data do not determine it.
 bool is_of_prior(const ReportParameter& parameter);
+
+/// The ends that the interval has: both of a parameter that is determined or of its prior, at most
+/// one, which the data bound it by, of another. `both` also where the variability alone says that
+/// it is not determined; `none` without an interval.
+enum class IntervalEnds { none, lower, upper, both };
+IntervalEnds interval_ends(const ReportParameter& parameter);
+
+/// "1 to 2", "at least 1", "at most 2" or "unbounded", the numbers written by `format`.
+std::string interval_in_words(const ReportParameter& parameter,
+                              const std::function<std::string(double)>& format);
 
 /// Whether the value is inside of the 90 % interval of the parameter, to a thousandth; true where
 /// there is none.

@@ -174,8 +174,11 @@ double fraction(const ReportParameter& p, double value) {
 
 std::string range_bar(const ReportParameter& p) {
   std::string bar;
-  if (p.free && (p.determined || is_of_prior(p)) && p.interval_lower && p.interval_upper) {
-    const double left = fraction(p, *p.interval_lower), right = fraction(p, *p.interval_upper);
+  const IntervalEnds ends = interval_ends(p);
+  const bool shown = p.determined || is_of_prior(p) || ends != IntervalEnds::both;
+  if (p.free && shown && ends != IntervalEnds::none) {
+    const double left = ends == IntervalEnds::upper ? 0 : fraction(p, *p.interval_lower),
+                 right = ends == IntervalEnds::lower ? 1 : fraction(p, *p.interval_upper);
     bar += fmt::format("<span class=\"interval\" style=\"left:{:.2f}%;width:{:.2f}%\"></span>",
                        100 * left, 100 * (right - left));
   } else if (p.free && p.determined && p.variability_percent &&
@@ -196,10 +199,22 @@ std::string range_bar(const ReportParameter& p) {
       format_short(p.lower), format_short(p.upper));
 }
 
+std::string status_of_undetermined(const ReportParameter& p) {
+  if (is_of_prior(p)) return "of its prior";
+  switch (interval_ends(p)) {
+    case IntervalEnds::lower:
+      return "bounded below only";
+    case IntervalEnds::upper:
+      return "bounded above only";
+    default:
+      return "not determined";
+  }
+}
+
 std::string status(const ReportParameter& p) {
   if (!p.free) return "<span class=\"status held\">held</span>";
   std::string text;
-  if (!p.determined) text = is_of_prior(p) ? "of its prior" : "not determined";
+  if (!p.determined) text = status_of_undetermined(p);
   if (p.at_bound != ReportParameter::Bound::none) {
     text += (text.empty() ? "" : ", ");
     text += p.at_bound == ReportParameter::Bound::upper ? "at upper end" : "at lower end";
@@ -221,8 +236,7 @@ std::string variability_text(const ReportParameter& p) {
 
 std::string interval_text(const ReportParameter& p) {
   if (!p.free || !p.interval_lower || !p.interval_upper) return "–";
-  if (!std::isfinite(*p.interval_upper)) return "unbounded";
-  return format_value(*p.interval_lower, 3) + " to " + format_value(*p.interval_upper, 3);
+  return interval_in_words(p, [](double value) { return format_value(value, 3); });
 }
 
 bool holds_mesh(const Report& report) {
