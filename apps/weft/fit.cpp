@@ -251,7 +251,7 @@ void print_result(const FitResult& fit, const Report& report,
     if (p.interval_upper) {
       certainty += certainty.empty() ? "" : ", ";
       certainty += interval_ends(p) == IntervalEnds::none ? "interval " : "";
-      certainty += interval_in_words(p, [](double value) { return fmt::format("{:.4g}", value); });
+      certainty += ends_in_words(p);
     }
     if (p.at_bound != ReportParameter::Bound::none) {
       certainty += certainty.empty() ? "" : ", ";

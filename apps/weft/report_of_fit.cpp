@@ -122,10 +122,14 @@ std::string prior_line(const Report& report, double weight) {
                      *report.prior_error, weight);
 }
 
+std::string ends_in_words(const ReportParameter& parameter) {
+  return interval_in_words(parameter, [](double value) { return fmt::format("{:.4g}", value); });
+}
+
 std::string ends_in_words(const ParameterInterval& interval) {
   ReportParameter p;
   add_interval(interval, 1, p);
-  return interval_in_words(p, [](double value) { return fmt::format("{:.4g}", value); });
+  return ends_in_words(p);
 }
 
 std::string certainty_text(const ParameterInterval& interval) {

@@ -41,6 +41,7 @@ void add_priors(const std::vector<ParameterPrior>& priors, const Fabric& fabric,
 /// One line for the terminal; empty without priors.
 std::string prior_line(const Report& report, double weight);
 /// The ends that an interval has, for the terminal.
+std::string ends_in_words(const ReportParameter& parameter);
 std::string ends_in_words(const ParameterInterval& interval);
 /// Interval, or what else is known, of a parameter that was searched, for the terminal.
 std::string certainty_text(const ParameterInterval& interval);

@@ -55,8 +55,7 @@ MatX information_of_intervals(const Report& report, const Fabric& fabric) {
   constexpr double kConfidence = 0.9;  // of the intervals of result.json
   MatX information = MatX::Zero(fabric.values.size(), fabric.values.size());
   for (const ReportParameter& p : report.parameters) {
-    if (!p.free || !p.interval_lower || !p.interval_upper) continue;
-    if (interval_ends(p) != IntervalEnds::both) continue;
+    if (!p.free || interval_ends(p) != IntervalEnds::both) continue;
     const int i = fabric.value_index(p.name);
     const ParameterInfo info = fabric.info(i);
     const double half =

@@ -34,8 +34,7 @@ struct ReportParameter {
   /// where the data do not determine it; nothing where it was not computed.
   std::optional<double> variability_percent;
   /// 90 % interval of the value; an end that the data do not bound is infinite, or, below, 0
-  /// (interval_ends()). Nothing where
-  /// it was not computed.
+  /// (interval_ends()). Nothing where it was not computed.
   std::optional<double> interval_lower, interval_upper;
   std::optional<double> prior_median, prior_factor;  ///< ParameterPrior; both or neither
   bool determined = true;  ///< false: the data do not determine it; its value is no measurement

@@ -154,7 +154,7 @@ std::string measured_section(const Report& report) {
 
 // ---- What was found
 
-/// Position in the range, 0 to 1.
+/// Position in the range, 0 to 1; an open end of an interval lies at that of the range.
 double fraction(const ReportParameter& p, double value) {
   const auto coordinate = [&](double v) {
     switch (p.scale) {
@@ -169,7 +169,7 @@ double fraction(const ReportParameter& p, double value) {
   };
   const double lower = coordinate(p.lower), upper = coordinate(p.upper);
   const double t = (coordinate(value) - lower) / (upper - lower);
-  return std::isfinite(t) ? std::clamp(t, 0.0, 1.0) : 0.0;
+  return std::isnan(t) ? 0.0 : std::clamp(t, 0.0, 1.0);
 }
 
 std::string range_bar(const ReportParameter& p) {
@@ -177,8 +177,7 @@ std::string range_bar(const ReportParameter& p) {
   const IntervalEnds ends = interval_ends(p);
   const bool shown = p.determined || is_of_prior(p) || ends != IntervalEnds::both;
   if (p.free && shown && ends != IntervalEnds::none) {
-    const double left = ends == IntervalEnds::upper ? 0 : fraction(p, *p.interval_lower),
-                 right = ends == IntervalEnds::lower ? 1 : fraction(p, *p.interval_upper);
+    const double left = fraction(p, *p.interval_lower), right = fraction(p, *p.interval_upper);
     bar += fmt::format("<span class=\"interval\" style=\"left:{:.2f}%;width:{:.2f}%\"></span>",
                        100 * left, 100 * (right - left));
   } else if (p.free && p.determined && p.variability_percent &&
