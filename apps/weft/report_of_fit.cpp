@@ -133,10 +133,10 @@ std::string ends_in_words(const ParameterInterval& interval) {
 }
 
 std::string certainty_text(const ParameterInterval& interval) {
-  const std::string ends = ends_in_words(interval), open = "not determined by the data";
+  std::string ends = ends_in_words(interval);
   if (interval.determined) return ends;
-  if (interval.by_prior) return ends + ", of its prior: " + open;
-  return open + ", " + ends;
+  const std::string open = "not determined by the data";
+  return interval.by_prior ? ends + ", of its prior: " + open : open + ", " + ends;
 }
 
 ReportParameter held_parameter(const ParameterInfo& info, const Fabric& fabric, double initial) {
