@@ -109,6 +109,7 @@ void table1(const Arguments& arguments, TargetNoise noise) {
   const bool noisy = noise == TargetNoise::added;
   const Fabric truth = find_fabric("larionov-cotton"), start = find_fabric("larionov-initial");
   ScanSynthesis options;
+  options.seed = arguments.seed;
   options.areal_density = kDensity;
   options.noise = noisy ? 2e-4 : 0;
   options.force_noise = noisy ? arguments.force_noise : 0;
@@ -146,7 +147,7 @@ void table1(const Arguments& arguments, TargetNoise noise) {
 constexpr const char* kUsage =
     "usage: weft_validate_scan [table1] [noise] [descriptors] [mechanical] [captures]\n"
     "  [--data FOLDER] [--fabric NAME] [--cells N] [--fine N] [--pattern uniform|alternating]\n"
-    "  [--fine-pattern uniform|alternating] [--force-noise N] [--descriptor NAME]\n"
+    "  [--fine-pattern uniform|alternating] [--force-noise N] [--seed N] [--descriptor NAME]\n"
     "  [--solver static|xpbd] [--balance noise|residual] [--schedule together|alternating]\n"
     "  [--starts N] [--surface shown|lattice] [--thread-model NAME] [--twist] [--out FOLDER]";
 
@@ -164,6 +165,8 @@ Arguments parse(int argc, char** argv) {
       arguments.fine_pattern = grid_pattern_from_name(argv[++i]);
     else if (word == "--force-noise" && i + 1 < argc)
       arguments.force_noise = validation::number<double>(word, argv[++i], 0);
+    else if (word == "--seed" && i + 1 < argc)
+      arguments.seed = validation::number<std::uint64_t>(word, argv[++i], 0);
     else if (word == "--data" && i + 1 < argc)
       arguments.data = argv[++i];
     else if (word == "--fabric" && i + 1 < argc)

@@ -1,6 +1,7 @@
 #pragma once
 /// What the parts of weft_validate_scan share.
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -16,6 +17,7 @@ struct Arguments {
   std::vector<std::string> parts;
   int cells = 24, fine = 64;
   double force_noise = 0.01;                        ///< N, of the part "noise"
+  std::uint64_t seed = 1;                           ///< of its noise
   GridPattern pattern = GridPattern::alternating;   ///< of the fit
   GridPattern fine_pattern = GridPattern::uniform;  ///< of what makes the targets
   DescriptorKind descriptor = DescriptorKind::fourier;

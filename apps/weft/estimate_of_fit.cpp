@@ -315,6 +315,7 @@ std::function<double(const VecX&)> simulated_scans(const EstimateOfFit& e,
   const auto problem =
       std::make_shared<ScanProblem>(prepare_scans(arguments), arguments.solver, e.fabric,
                                     names_of(e), ScanCostOptions{}, threads);
+  problem->take_clamp_errors_at(e.scaled);
   check_error(e, folder, {problem->cost(e.scaled), kSameError, kAsTheyAre});
   problem->set_scales(scales_of(e, folder, problem->no_scales().size()));
   const double least = problem->cost(e.scaled);

@@ -123,6 +123,7 @@ Profiled profiled_scans(const ScanFitArguments& arguments, const Fabric& fabric)
   Profiled profiled;
   profiled.infos = problem->infos();
   profiled.estimate = problem->scaled(fabric);
+  problem->take_clamp_errors_at(profiled.estimate);
   ScanProblem::Linearization here = problem->linearize(profiled.estimate);
   if (std::isfinite(here.model.cost) &&
       scan_balance_from_name(arguments.balance) == ScanBalance::residual) {

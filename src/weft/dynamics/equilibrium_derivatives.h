@@ -2,6 +2,7 @@
 #include <vector>
 
 #include "weft/dynamics/clips.h"
+#include "weft/dynamics/held_equilibrium.h"
 #include "weft/dynamics/static_system.h"
 
 namespace weft::detail {
@@ -19,11 +20,6 @@ EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth, StaticSy
                                                const Points& x,
                                                const MatX& history_derivative = {});
 
-/// What follows from moves of the held vertices, once the free ones have come to rest again.
-struct HeldResponse {
-  MatX x;       ///< of all vertices, m per unit: the moves, and -K_ff^-1 K_fc of them
-  MatX forces;  ///< that hold the vertices, N per unit; zero where vertices are free
-};
 /// The forces are the Schur complement of the exact Hessian times `moves` (3 vertices x any, m per
 /// unit, zero where vertices are free). Where the Hessian is not positive definite the free
 /// vertices answer as in equilibrium_derivatives(). Throws Error for a Hessian that is not finite.

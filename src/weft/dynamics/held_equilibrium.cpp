@@ -49,6 +49,14 @@ class StaticSolver final : public EquilibriumSolver {
 
 }  // namespace
 
+HeldResponse held_response(const HeldCloth& cloth, const Fabric& fabric, const Points& x,
+                           const MatX& moves) {
+  const auto model = make_elastic_model(cloth.mesh, fabric, cloth.grain_angle, cloth.hem_width);
+  const HeavyCloth heavy(*model, cloth.areal_density, cloth.gravity);
+  StaticSystem system(heavy, cloth.held);
+  return detail::held_response(system, x, moves);
+}
+
 StaticOptions static_solver_options() {
   StaticOptions options;
   options.max_iterations = 3000;

@@ -37,6 +37,17 @@ struct HeldEquilibrium {
   MatX x_derivative, reaction_derivative;
 };
 
+/// What follows from moves of the held vertices, once the free ones have come to rest again.
+struct HeldResponse {
+  MatX x;       ///< of all vertices, m per unit: the moves, and -K_ff^-1 K_fc of them
+  MatX forces;  ///< that hold the vertices, N per unit; zero where vertices are free
+};
+/// To first order about the equilibrium `x`, whichever solver found it, with the exact Hessian of
+/// the energy, made positive definite where it is not. `moves`: 3 vertices x any, m per unit, zero
+/// where vertices are free. Throws Error for a Hessian that is not finite.
+HeldResponse held_response(const HeldCloth& cloth, const Fabric& fabric, const Points& x,
+                           const MatX& moves);
+
 /// Const functions keep no state: one solver may serve several threads.
 class EquilibriumSolver {
  public:

@@ -185,7 +185,7 @@ LoadedCloth::Stiffness LoadedCloth::stiffness_at(const Place& place) {
     moves.middleCols<6>(six(k)) = all.middleCols<6>(six(loaded_[k]));
   const VecX scale = scales();
   moves = moves * scale.cwiseInverse().asDiagonal();
-  detail::HeldResponse response = detail::held_response(*system_, x, moves);
+  HeldResponse response = detail::held_response(*system_, x, moves);
   MatX hessian = moves.transpose() * response.forces;
   for (std::size_t k = 0; k < loaded_.size(); ++k) {
     const std::size_t c = loaded_[k];

@@ -9,6 +9,7 @@
 
 #include "weft/base/clock.h"
 #include "weft/base/error.h"
+#include "weft/base/parallel.h"
 #include "weft/base/random.h"
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/packed_numbers.h"
@@ -19,7 +20,8 @@ namespace weft {
 namespace {
 
 constexpr int kBalancePasses = 4;
-constexpr double kSameScale = 1.01;  // of a target's noise, of the priors' weight
+constexpr double kSameScale = 1.01;    // of a target's noise, of the priors' weight, of the cost
+constexpr double kLeastChange = 0.01;  // of the sum of squares
 constexpr double kLeastPoisson = 0.02, kMostPoisson = 0.45;  // of a random start
 /// A force whose direction is not known within itself has no magnitude to differentiate.
 constexpr double kLeastForce = 1e-12;  // N
@@ -27,6 +29,14 @@ constexpr double kLeastForce = 1e-12;  // N
 /// `count`: as ShapeDescriptor::counted().
 double root_mean_square(const VecX& r, double count) {
   return count > 0 ? std::sqrt(r.squaredNorm() / count) : 0;
+}
+
+/// Clamps whose force was.
+std::vector<Eigen::Index> measured_forces(const ScanTarget& target) {
+  std::vector<Eigen::Index> measured;
+  for (std::size_t c = 0; c < target.clamps.size(); ++c)
+    if (target.clamps[c].force) measured.push_back(static_cast<Eigen::Index>(c));
+  return measured;
 }
 
 }  // namespace
@@ -211,7 +221,8 @@ ScanProblem::Residuals ScanProblem::residuals(std::size_t t, const ScanSimulatio
   const VecX sampled = trial.sampling * flat(simulation.rest.x);
   const Points x = Points::Map(sampled.data(), 3, sampled.size() / 3);
   const auto target = static_cast<Eigen::Index>(t);
-  const VecX weight = (scales_[target] * shape_noise_[t]).cwiseInverse();
+  const double scale = scales_[target];
+  const VecX weight = (scale * shape_noise_[t]).cwiseInverse();
   Residuals r;
   r.shape = weight.cwiseProduct(trial.simulated_descriptor->value(x, values) -
                                 trial.measured_descriptor->value(trial.measured, values));
@@ -220,16 +231,14 @@ ScanProblem::Residuals ScanProblem::residuals(std::size_t t, const ScanSimulatio
                        (trial.simulated_descriptor->derivative(
                             x, values, trial.sampling * simulation.rest.x_derivative) -
                         trial.measured_descriptor->derivative(trial.measured, values, MatX()));
-  std::vector<Eigen::Index> measured;
-  for (std::size_t c = 0; c < trial.target.clamps.size(); ++c)
-    if (trial.target.clamps[c].force) measured.push_back(static_cast<Eigen::Index>(c));
+  const std::vector<Eigen::Index> measured = measured_forces(trial.target);
   const auto count = static_cast<Eigen::Index>(measured.size());
   r.force.resize(count);
   if (all) r.force_jacobian = MatX::Zero(count, values.size());
   for (Eigen::Index i = 0; i < count; ++i) {
     const Eigen::Index c = measured[at(i)];
     const ScanClamp& clamp = trial.target.clamps[at(c)];
-    const double noise = scales_[target] * clamp.force_noise;
+    const double noise = scale * clamp.force_noise;
     const Vec3 force = simulation.forces.col(c);
     const double magnitude = force.norm();
     r.force[i] = (magnitude - *clamp.force) / noise;
@@ -238,7 +247,65 @@ ScanProblem::Residuals ScanProblem::residuals(std::size_t t, const ScanSimulatio
                                 simulation.force_derivative.middleRows(3 * c, 3) /
                                 (magnitude * noise);
   }
+  if (shared_errors_.empty()) return r;
+  const auto weigh = [&](auto& shape, auto& forces) {
+    MatX both(shape.rows() + count, shape.cols());
+    both << shape, forces;
+    both = shared_errors_[t].weighed(both, scale);
+    shape = both.topRows(shape.rows());
+    forces = both.bottomRows(count);
+  };
+  weigh(r.shape, r.force);
+  if (all) weigh(r.shape_jacobian, r.force_jacobian);
   return r;
+}
+
+MatX ScanProblem::by_clamp_errors(std::size_t t, const ScanSimulation& simulation,
+                                  const Fabric& fabric) const {
+  const ScanTrial& trial = *trials_[t];
+  const VecX sampled = trial.sampling * flat(simulation.rest.x);
+  const Points x = Points::Map(sampled.data(), 3, sampled.size() / 3);
+  const ShapeDescriptor& descriptor = *trial.simulated_descriptor;
+  const VecX weight = shape_noise_[t].cwiseInverse();
+  const std::vector<Eigen::Index> measured = measured_forces(trial.target);
+  const Eigen::Index entries = weight.size(), errors = trial.clamp_errors.cols();
+  // A descriptor's derivative is by the values of the fabric: so many errors at a time, less what
+  // the values themselves do.
+  const Eigen::Index most = fabric.values.size();
+  const MatX by_values = descriptor.derivative(x, fabric.values, MatX());
+  MatX result = MatX::Zero(entries + static_cast<Eigen::Index>(measured.size()), errors);
+  for (Eigen::Index first = 0; first < errors; first += most) {
+    const Eigen::Index count = std::min(most, errors - first);
+    MatX moves = MatX::Zero(simulation.rest.x.size(), most);
+    moves.leftCols(count) = trial.clamp_errors.middleCols(first, count);
+    const ScanResponse response = response_of_scan(trial, fabric, simulation.rest.x, moves);
+    const MatX by_moves =
+        descriptor.derivative(x, fabric.values, trial.sampling * response.x) - by_values;
+    auto own = result.middleCols(first, count);
+    own.topRows(entries) = weight.asDiagonal() * by_moves.leftCols(count);
+    for (std::size_t i = 0; i < measured.size(); ++i) {
+      const Eigen::Index c = measured[i];
+      const Vec3 force = simulation.forces.col(c);
+      const double magnitude = force.norm();
+      if (magnitude > kLeastForce)
+        own.row(entries + static_cast<Eigen::Index>(i)) =
+            force.transpose() * response.forces.middleRows(3 * c, 3).leftCols(count) /
+            (magnitude * trial.target.clamps[at(c)].force_noise);
+    }
+  }
+  return result;
+}
+
+void ScanProblem::take_clamp_errors_at(const VecX& scaled) {
+  std::vector<ScanSimulation> simulations;
+  if (!simulate(scaled, HeldDerivatives::none, simulations, nullptr)) return;
+  const Fabric found = fabric(scaled);
+  std::vector<SharedErrors> taken(trials_.size());
+  parallel_for(trials_.size(), threads_, [&](std::size_t t) {
+    taken[t] = SharedErrors(by_clamp_errors(t, simulations[t], found));
+  });
+  shared_errors_ = std::move(taken);
+  clamp_errors_at_ = scaled;
 }
 
 double ScanProblem::compute_cost(const VecX& scaled, std::string* reason) const {
@@ -325,6 +392,10 @@ std::string ScanProblem::fingerprint() const {
       hash.add_bytes(triangle.data(), sizeof triangle);
     hash.add_bytes(trial.clamp_of.data(), trial.clamp_of.size() * sizeof(int));
     hash.add(trial.start);
+    hash.add_bytes(trial.clamp_errors.valuePtr(),
+                   at(trial.clamp_errors.nonZeros()) * sizeof(double));
+    hash.add_bytes(trial.clamp_errors.innerIndexPtr(),
+                   at(trial.clamp_errors.nonZeros()) * sizeof(int));
     for (const ScanClamp& clamp : trial.target.clamps) {
       hash.add(clamp.force.value_or(-1));
       hash.add(clamp.force_noise);
@@ -346,6 +417,7 @@ std::string ScanProblem::key(const char* what, const VecX& scaled) const {
   hash.add(std::string_view(what));
   hash.add(scaled);
   hash.add(scales_);
+  hash.add(clamp_errors_at_);
   return hash.hex();
 }
 
@@ -416,6 +488,13 @@ std::vector<Eigen::Index> indices_of(const ScanProblem& problem, StiffnessPart p
   return indices;
 }
 
+/// With the noise of the targets as stated and the clamps' errors as about `errors_at`.
+double stated_cost(ScanProblem problem, const VecX& errors_at, const VecX& x) {
+  problem.set_scales(problem.no_scales());
+  problem.take_clamp_errors_at(errors_at);
+  return problem.cost(x);
+}
+
 /// One fit, from one start.
 class Descent {
  public:
@@ -429,6 +508,7 @@ class Descent {
     x_ = problem_.scaled(start).cwiseMax(0).cwiseMin(1);
     end.start = problem_.fabric(x_);
     problem_.set_scales(problem_.no_scales());
+    problem_.take_clamp_errors_at(x_);
     problem_.weigh_priors(residual_noise(problem_));
     end.cost_start = problem_.cost(x_, &reason_);
     end.cost = end.cost_start;
@@ -440,11 +520,7 @@ class Descent {
         if (!balanced && !weighed) break;
         descend_all(fmt::format("{} {}", balanced ? "balance" : "priors", pass));
       }
-      // Ends of several starts are compared by what they were all asked for.
-      const VecX scales = problem_.scales();
-      problem_.set_scales(problem_.no_scales());
-      end.cost = problem_.cost(x_);
-      problem_.set_scales(scales);
+      end.cost = stated_cost(problem_, x_, x_);
     }
     end.fabric = problem_.fabric(x_);
     end.iterations = iterations_;
@@ -467,14 +543,21 @@ class Descent {
     }
   }
 
-  /// False where no target is missed by more than its noise, or nothing changed.
+  /// Weighs by what is now known of the noise: of where clamps are held, and of the targets. False
+  /// where that changes nothing.
   bool rebalance() {
-    if (options_.balance == ScanBalance::noise) return false;
+    const double before = problem_.cost(x_);
+    problem_.take_clamp_errors_at(x_);
     const ScanProblem::Linearization found = problem_.linearize(x_);
     if (!std::isfinite(found.model.cost)) return false;
+    const double change_of_sum = std::abs(found.model.cost - before) * problem_.residual_count();
+    const bool otherwise_held =
+        change_of_sum >
+        std::max(kLeastChange, (kSameScale - 1) * before * problem_.residual_count());
+    if (options_.balance == ScanBalance::noise) return otherwise_held;
     const VecX scales = found.target_rms.cwiseMax(1);
     const VecX change = scales.cwiseQuotient(problem_.scales());
-    if (std::max(change.maxCoeff(), 1 / change.minCoeff()) < kSameScale) return false;
+    if (std::max(change.maxCoeff(), 1 / change.minCoeff()) < kSameScale) return otherwise_held;
     problem_.set_scales(scales);
     return true;
   }
@@ -608,16 +691,20 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
   const auto begin = Clock::now();
   ScanFitResult result;
   Rng rng(options.seed);
-  std::optional<VecX> best;
+  std::optional<VecX> first, best;
   WeighedPriors compared = problem.priors();
   double least = kInfinity;  // of the costs of the ends, with these
   for (int i = 0; i <= options.random_starts && !result.stopped; ++i) {
     const Fabric from = i == 0 ? start : random_start(problem, start, options.spread, rng);
     Descent descent(problem, options, observer, result);
-    const ScanFitEnd end =
+    ScanFitEnd end =
         descent.run(from, options.random_starts ? fmt::format("start {}, ", i + 1) : "");
     if (i == 0 && !std::isfinite(end.cost_start))
       throw Error(fmt::format("the start cannot be computed: {}", descent.reason()));
+    if (!first) first = descent.x();
+    const double cost_here = end.cost;
+    // Ends of several starts are compared by what they were all asked for.
+    if (i > 0 && std::isfinite(cost_here)) end.cost = stated_cost(problem, *first, descent.x());
     result.ends.push_back(end);
     if (i == 0 && options.random_starts > 0)
       compared.weigh(unscaled_dispersion(problem, descent.x()));
@@ -625,7 +712,7 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
     if (best && !(minimized < least)) continue;
     least = minimized;
     best = descent.x();
-    result.cost = end.cost;
+    result.cost = cost_here;
     result.fabric = end.fabric;
     result.iterations = end.iterations;
     result.scales = problem.scales();
@@ -635,6 +722,7 @@ ScanFitResult fit_scan(ScanProblem problem, const Fabric& start, const ScanFitOp
   result.start = result.ends.front().start;
   result.cost_start = result.ends.front().cost_start;
   problem.set_scales(result.scales);
+  problem.take_clamp_errors_at(*best);
   problem.weigh_priors(result.prior_weight);
   const Replays replays(problem);
   const ScanProblem::Linearization at_end = problem.linearize(*best);

@@ -13,6 +13,7 @@
 #include "weft/estimate/number_store.h"
 #include "weft/estimate/residual_intervals.h"
 #include "weft/estimate/scan_trial.h"
+#include "weft/estimate/shared_errors.h"
 #include "weft/estimate/weighed_priors.h"
 
 namespace weft {
@@ -96,6 +97,12 @@ class ScanProblem {
   const VecX& scales() const { return scales_; }
   VecX no_scales() const { return VecX::Ones(static_cast<Eigen::Index>(trials_.size())); }
 
+  /// From then on residuals are weighed as the errors of where clamps are held make them scatter
+  /// about this fabric (ScanTrial::clamp_errors, response_of_scan(), shared_errors.h): the force of
+  /// a stiff cloth hangs on micrometres that a scan does not see. Not at first. Where there is no
+  /// equilibrium nothing changes.
+  void take_clamp_errors_at(const VecX& scaled);
+
   /// Infinity where a target has no equilibrium or the solver refuses the values; `reason` says
   /// which.
   double cost(const VecX& scaled, std::string* reason = nullptr) const;
@@ -133,6 +140,10 @@ class ScanProblem {
   MatX by_scaled(const VecX& scaled, const MatX& by_values) const;
   /// The penalty as a residual and its gradient by the values of the fabric.
   double penalty(const Fabric& fabric, VecX* gradient) const;
+  /// What the clamps' errors do to the residuals of a target, its shape's and then its forces', in
+  /// units of the stated noise; a column for each.
+  MatX by_clamp_errors(std::size_t trial, const ScanSimulation& simulation,
+                       const Fabric& fabric) const;
 
   std::vector<std::shared_ptr<const ScanTrial>> trials_;
   std::shared_ptr<const EquilibriumSolver> solver_;
@@ -142,6 +153,8 @@ class ScanProblem {
   int threads_ = 0;
   VecX scales_;
   std::vector<VecX> shape_noise_;
+  VecX clamp_errors_at_;                     ///< empty: not taken
+  std::vector<SharedErrors> shared_errors_;  ///< of each target, then
   WeighedPriors priors_;
   double residual_count_ = 0;
   std::shared_ptr<NumberStore> store_;
@@ -183,8 +196,10 @@ struct ScanFitStep {
 };
 struct ScanFitEnd {
   Fabric start, fabric;
-  double cost_start = 0, cost = 0;  ///< of the data
-  int iterations = 0;               ///< linearizations
+  /// Of the data, with its noise as stated; at the end with the clamps' errors as about the end of
+  /// the first start, in ScanFitResult as about its own.
+  double cost_start = 0, cost = 0;
+  int iterations = 0;  ///< linearizations
 };
 struct ScanFitResult {
   Fabric start, fabric;
@@ -213,6 +228,9 @@ using ScanFitObserver = std::function<bool(const ScanFitStep&)>;
 /// each part.
 ///
 /// A descent also ends after two steps in a row that lower the sum of squares by less than 0.01.
+/// Residuals are weighed by what the scan's noise leaves open of where clamps are held
+/// (take_clamp_errors_at()), first about the start, then about where the descent before ended, for
+/// which there are four more descents at most, with those that balance.
 ///
 /// With priors what they add is part of the cost. Their weight is the dispersion that the noise
 /// makes in the first descent, then that of the residuals (residual_dispersion()) where the one

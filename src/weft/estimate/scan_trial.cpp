@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <optional>
 
 #include "weft/base/dense.h"
@@ -17,8 +18,11 @@ namespace weft {
 namespace {
 
 constexpr int kMostScanCells = 200;
-constexpr double kSamePlace = 1e-7;     // m
-constexpr double kEqualSpacing = 1e-4;  // of a cell
+constexpr double kSamePlace = 1e-7;      // m
+constexpr double kEqualSpacing = 1e-4;   // of a cell
+constexpr double kLeastShare = 1e-9;     // of a corner in what lies in a triangle
+constexpr double kLeastScatter = 1e-12;  // of variances of poses, over the largest
+constexpr std::size_t kMostHeldPoints = 256;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// Lines of a grid.
@@ -194,23 +198,165 @@ Pose along_line(Pose pose, const Vec2& line, const MaterialPoints& uv, const Poi
   return pose;
 }
 
+/// Where a point of the scan or of its surface is: which vertices say so, and how much each.
+struct SeenPoint {
+  Vec2 uv = Vec2::Zero();
+  std::vector<std::pair<int, double>> shares;
+};
+
+std::vector<SeenPoint> points_on(const ScanShape& shape, const MaterialLocator& locator,
+                                 const MaterialPoints& uv) {
+  std::vector<SeenPoint> points;
+  for (Eigen::Index i = 0; i < uv.cols(); ++i) {
+    const auto hit = locator.locate(uv.col(i));
+    SeenPoint point{uv.col(i), {}};
+    for (int corner = 0; corner < 3; ++corner)
+      if (std::abs(hit.barycentric[corner]) > kLeastShare)
+        point.shares.emplace_back(shape.mesh.triangles[at(hit.triangle)][at(corner)],
+                                  hit.barycentric[corner]);
+    points.push_back(std::move(point));
+  }
+  return points;
+}
+
+Mat3 inertia_of(const Pose& pose, const std::vector<SeenPoint>& points) {
+  Mat3 inertia = Mat3::Zero();
+  for (const SeenPoint& point : points) {
+    const Vec3 r = pose.place(point.uv) - pose.position;
+    inertia += r.squaredNorm() * Mat3::Identity() - r * r.transpose();
+  }
+  return inertia;
+}
+
+/// A pose, and which points it is nearest to: `seen`, and of what those do not say, being on one
+/// line, `registered`.
+struct BarPose {
+  Pose pose;
+  std::vector<SeenPoint> seen, registered;
+};
+
 /// From the scan's vertices in a region that were measured. What they do not say, being fewer than
 /// two or on one line, is taken from where the registered grid has the vertices that are held.
-Pose pose_of_bar(const ScanTrial& trial, const ScanClamp& clamp, const std::vector<int>& vertices) {
+BarPose pose_of_bar(const ScanTrial& trial, const ScanClamp& clamp,
+                    const std::vector<int>& vertices) {
   std::vector<Eigen::Index> seen;
+  std::vector<SeenPoint> seen_points;
   for (Eigen::Index i = 0; i < trial.shape.x.cols(); ++i)
     if (clamp.region.contains(trial.shape.mesh.material.col(i)) &&
-        counts_as_measured(trial.shape.weights[i]))
+        counts_as_measured(trial.shape.weights[i])) {
       seen.push_back(i);
+      seen_points.push_back({trial.shape.mesh.material.col(i), {{static_cast<int>(i), 1.0}}});
+    }
   const MaterialPoints seen_uv = trial.shape.mesh.material(Eigen::all, seen);
   const Points seen_x = trial.shape.x(Eigen::all, seen);
-  const auto line = seen.size() >= 2 ? line_of(seen_uv) : std::nullopt;
-  if (seen.size() >= 2 && !line) return nearest_pose(seen_uv, seen_x);
+  const MaterialLocator locator(trial.shape.mesh);
   const MaterialPoints uv = trial.mesh.material(Eigen::all, vertices);
-  const Pose registered = nearest_pose(
-      uv, interpolate(trial.shape.mesh, MaterialLocator(trial.shape.mesh), trial.shape.x, uv));
-  return line ? along_line(registered, *line, seen_uv, seen_x) : registered;
+  const std::vector<SeenPoint> held_points = points_on(trial.shape, locator, uv);
+  const auto line = seen.size() >= 2 ? line_of(seen_uv) : std::nullopt;
+  if (seen.size() >= 2 && !line) return {nearest_pose(seen_uv, seen_x), seen_points, held_points};
+  const Pose registered =
+      nearest_pose(uv, interpolate(trial.shape.mesh, locator, trial.shape.x, uv));
+  if (line) return {along_line(registered, *line, seen_uv, seen_x), seen_points, held_points};
+  return {registered, held_points, held_points};
 }
+
+/// Makes ScanTrial::clamp_errors.
+class ClampErrors {
+ public:
+  explicit ClampErrors(const ScanTrial& trial) : trial_(trial) {}
+
+  /// The errors of a pose that is nearest to points: of its position the mean of theirs, of its
+  /// turn J^-1 sum r x error, J their inertia about it. A turn that no point tells is without
+  /// effect and left out.
+  void add_bar(const BarPose& bar, const std::vector<int>& vertices) {
+    const Pose& pose = bar.pose;
+    const auto count = static_cast<double>(bar.seen.size());
+    for (const SeenPoint& point : bar.seen)
+      for (const auto& [vertex, share] : point.shares)
+        for (int k = 0; k < 3; ++k)
+          by_noise_.emplace_back(poses_ + k, 3 * vertex + k, share / count);
+    for (const int i : vertices)
+      for (int k = 0; k < 3; ++k) by_poses_.emplace_back(3 * i + k, poses_ + k, 1);
+    poses_ += 3;
+    const SymmetricEigen3 turns = symmetric_eigen_3(inertia_of(pose, bar.seen));
+    const Mat3 registered = inertia_of(pose, bar.registered);
+    const double least = kStraight * kStraight * std::max(turns.values.sum(), registered.trace());
+    for (int k = 0; k < 3; ++k) {
+      const Vec3 axis = turns.vectors.col(k);
+      const double of_registered = axis.dot(registered * axis);
+      if (turns.values[k] > least)
+        add_turn(pose, axis, turns.values[k], bar.seen, vertices);
+      else if (of_registered > least)
+        add_turn(pose, axis, of_registered, bar.registered, vertices);
+    }
+  }
+
+  /// Held where the scan's vertices have them.
+  void add_points(const std::vector<SeenPoint>& points, const std::vector<int>& vertices) {
+    std::map<int, int> first;  // column of each vertex of the scan
+    for (const SeenPoint& point : points)
+      for (const auto& [vertex, share] : point.shares)
+        first.emplace(vertex, static_cast<int>(first.size()));
+    if (first.size() > kMostHeldPoints) return;
+    for (std::size_t i = 0; i < vertices.size(); ++i)
+      for (const auto& [vertex, share] : points[i].shares)
+        for (int k = 0; k < 3; ++k)
+          of_points_.emplace_back(3 * vertices[i] + k, points_ + 3 * first.at(vertex) + k,
+                                  share * trial_.target.noise);
+    points_ += 3 * static_cast<int>(first.size());
+  }
+
+  SparseMatrix matrix() const {
+    std::vector<Eigen::Triplet<double>> entries = of_points_;
+    int count = points_;
+    for (const VecX& error : pose_errors()) {
+      for (const auto& entry : by_poses_)
+        entries.emplace_back(entry.row(), count, entry.value() * error[entry.col()]);
+      ++count;
+    }
+    SparseMatrix errors(3 * trial_.mesh.vertex_count(), count);
+    errors.setFromTriplets(entries.begin(), entries.end());
+    return errors;
+  }
+
+ private:
+  /// About the axis, a unit vector, by points whose inertia about it is given. What is counted is
+  /// the turn times the radius of gyration: a length, as positions are.
+  void add_turn(const Pose& pose, const Vec3& axis, double inertia,
+                const std::vector<SeenPoint>& points, const std::vector<int>& vertices) {
+    const double radius = std::sqrt(inertia / static_cast<double>(points.size()));
+    for (const SeenPoint& point : points) {
+      const Vec3 by = radius / inertia * axis.cross(pose.place(point.uv) - pose.position);
+      for (const auto& [vertex, share] : point.shares)
+        for (int k = 0; k < 3; ++k) by_noise_.emplace_back(poses_, 3 * vertex + k, share * by[k]);
+    }
+    for (const int i : vertices) {
+      const Vec3 r = pose.place(trial_.mesh.material.col(i)) - pose.position;
+      const Vec3 move = axis.cross(r) / radius;
+      for (int k = 0; k < 3; ++k) by_poses_.emplace_back(3 * i + k, poses_, move[k]);
+    }
+    ++poses_;
+  }
+
+  /// Bars that meet at a corner share its error: independent are the principal directions of what
+  /// their poses scatter together.
+  std::vector<VecX> pose_errors() const {
+    std::vector<VecX> errors;
+    if (poses_ == 0) return errors;
+    SparseMatrix by_noise(poses_, 3 * trial_.shape.mesh.vertex_count());
+    by_noise.setFromTriplets(by_noise_.begin(), by_noise_.end());
+    const SymmetricEigen scatter = symmetric_eigen(MatX(by_noise * by_noise.transpose()));
+    for (Eigen::Index k = 0; k < scatter.values.size(); ++k)
+      if (scatter.values[k] > kLeastScatter * scatter.values[scatter.values.size() - 1])
+        errors.push_back(trial_.target.noise * std::sqrt(scatter.values[k]) *
+                         scatter.vectors.col(k));
+    return errors;
+  }
+
+  const ScanTrial& trial_;
+  std::vector<Eigen::Triplet<double>> by_noise_, by_poses_, of_points_;
+  int poses_ = 0, points_ = 0;  ///< coordinates of all poses, errors of points
+};
 
 void hold(ScanTrial& trial) {
   const int vertices = trial.mesh.vertex_count();
@@ -220,6 +366,7 @@ void hold(ScanTrial& trial) {
   trial.clamp_of.assign(at(vertices), -1);
   trial.held.assign(at(vertices), 0);
   int count = 0;
+  ClampErrors errors(trial);
   for (std::size_t c = 0; c < trial.target.clamps.size(); ++c) {
     const ScanClamp& clamp = trial.target.clamps[c];
     std::vector<int> own;
@@ -237,12 +384,16 @@ void hold(ScanTrial& trial) {
                                               trial.target.name, clamp.name));
     const Points seen =
         interpolate(trial.shape.mesh, locator, trial.shape.x, trial.mesh.material(Eigen::all, own));
-    const bool bar = clamp.kind == ClampKind::bar && own.size() > 1;
-    const Pose pose = bar ? pose_of_bar(trial, clamp, own) : Pose{};
-    for (std::size_t k = 0; k < own.size(); ++k)
-      trial.start.col(own[k]) = bar ? pose.place(trial.mesh.material.col(own[k]))
-                                    : Vec3(seen.col(static_cast<Eigen::Index>(k)));
+    if (clamp.kind == ClampKind::bar && own.size() > 1) {
+      const BarPose bar = pose_of_bar(trial, clamp, own);
+      for (const int i : own) trial.start.col(i) = bar.pose.place(trial.mesh.material.col(i));
+      errors.add_bar(bar, own);
+    } else {
+      trial.start(Eigen::all, own) = seen;
+      errors.add_points(points_on(trial.shape, locator, trial.mesh.material(Eigen::all, own)), own);
+    }
   }
+  trial.clamp_errors = errors.matrix();
   if (count == vertices)
     throw Error(fmt::format("target \"{}\": clamps hold the whole cloth", trial.target.name));
 }
@@ -374,21 +525,36 @@ std::shared_ptr<const ScanTrial> refined(const ScanTrial& trial) {
   return finer;
 }
 
+namespace {
+
+HeldCloth held_cloth(const ScanTrial& trial) {
+  return {trial.mesh, trial.areal_density, trial.target.gravity, trial.grain_angle,
+          trial.held, trial.start,         trial.hem_width};
+}
+
+}  // namespace
+
 std::vector<ScanSimulation> simulate_scans(
     const std::vector<std::shared_ptr<const ScanTrial>>& trials, const EquilibriumSolver& solver,
     const Fabric& fabric, HeldDerivatives derivatives, int threads) {
   std::vector<ScanSimulation> results(trials.size());
   parallel_for(trials.size(), threads, [&](std::size_t i) {
     const ScanTrial& trial = *trials[i];
-    const HeldCloth cloth{trial.mesh, trial.areal_density, trial.target.gravity, trial.grain_angle,
-                          trial.held, trial.start,         trial.hem_width};
     ScanSimulation& result = results[i];
-    result.rest = solver.solve(cloth, fabric, derivatives);
+    result.rest = solver.solve(held_cloth(trial), fabric, derivatives);
     result.forces = forces_of(trial, result.rest.reactions);
     if (derivatives == HeldDerivatives::all)
       result.force_derivative = force_derivatives_of(trial, result.rest.reaction_derivative);
   });
   return results;
+}
+
+ScanResponse response_of_scan(const ScanTrial& trial, const Fabric& fabric, const Points& x,
+                              const MatX& moves) {
+  HeldResponse response = held_response(held_cloth(trial), fabric, x, moves);
+  for (std::size_t i = 0; i < trial.held.size(); ++i)
+    if (trial.held[i]) response.x.middleRows(3 * static_cast<Eigen::Index>(i), 3).setZero();
+  return {std::move(response.x), force_derivatives_of(trial, response.forces)};
 }
 
 ScanDifference compare_scan(const ScanTrial& trial, const ScanSimulation& simulation) {

@@ -29,7 +29,7 @@ struct ScanOptions {
 /// Held: vertices in a clamp's region, each by the first clamp that has it. A bar is rigid: its
 /// vertices are at the rigid motion of the flat region that is nearest to the scan's vertices in it
 /// (least squares, Kabsch 1976), which averages their noise. Other clamps hold each vertex where
-/// the scan has it.
+/// the scan has it. What is left of the noise is in `clamp_errors`.
 struct ScanTrial {
   ScanTarget target;
   ScanShape shape;
@@ -43,6 +43,12 @@ struct ScanTrial {
   std::vector<int> clamp_of;  ///< a number a vertex, -1: free
   std::vector<char> held;
   Points start;  ///< m; at the scan, or where the target says, with the held vertices in place
+  /// By how much the scan's noise leaves open where the held vertices are: a column for each
+  /// independent error, one standard deviation of it, m; 3 vertices x errors. Of bars the errors of
+  /// their poses, six each (of vertices on one line five), which bars that meet share; of other
+  /// clamps those of the scan's vertices that they are held by, up to 256 of them: what is held by
+  /// more is taken to be where it was seen.
+  SparseMatrix clamp_errors;
 
   DescriptorGrid grid;    ///< where shapes are compared
   SparseMatrix sampling;  ///< its points from vertices of `mesh`; 3 points x 3 vertices
@@ -76,6 +82,14 @@ struct ScanSimulation {
 std::vector<ScanSimulation> simulate_scans(
     const std::vector<std::shared_ptr<const ScanTrial>>& trials, const EquilibriumSolver& solver,
     const Fabric& fabric, HeldDerivatives derivatives = HeldDerivatives::none, int threads = 0);
+
+/// What moves of the held vertices do (held_response()), `moves` as there.
+struct ScanResponse {
+  MatX x;       ///< of the free vertices, m per unit, 3 vertices x moves; zero for the held ones
+  MatX forces;  ///< of each clamp on the cloth, N per unit, 3 clamps x moves
+};
+ScanResponse response_of_scan(const ScanTrial& trial, const Fabric& fabric, const Points& x,
+                              const MatX& moves);
 
 /// How far a simulation is from the scan.
 struct ScanDifference {
