@@ -46,6 +46,7 @@ struct Arguments {
   int threads = 0;
   MeshError mesh_error = MeshError::included;
   CordFriction cord_friction = CordFriction::as_captured;
+  MechanicalResiduals residuals = MechanicalResiduals::automatic;
   std::string skip;  ///< a component that is not searched and starts at the truth
   std::string only;  ///< the one component that is searched; all others have the truth
   bool has(const std::string& part) const {
@@ -199,6 +200,7 @@ CurveFitResult timed_fit(const Arguments& arguments, const Trials& trials, const
   chosen.threads = arguments.threads;
   chosen.fit.mesh_error = arguments.mesh_error;
   chosen.cost.cord_friction = arguments.cord_friction;
+  chosen.cost.residuals = arguments.residuals;
   std::string last;
   if (rows.empty()) rows = rows_of(arguments, start);
   CurveFitResult found = fit_curves(
@@ -329,6 +331,7 @@ void bound(const Arguments& arguments, const std::string& name) {
   const Trials trials = fit_trials(arguments, name, truth.model);
   MechanicalCostOptions options;
   options.cord_friction = arguments.cord_friction;
+  options.residuals = arguments.residuals;
   MechanicalProblem problem(trials, truth, control_values(truth), options, arguments.threads);
   const VecX at = problem.scaled(truth);
   problem.weigh_by(problem.force_weights(at));
@@ -398,7 +401,8 @@ constexpr const char* kUsage =
     "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--seed N] "
     "[--uniform] "
     "[--skip ROW] [--only ROW] [--no-mesh-error] "
-    "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none]";
+    "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none] "
+    "[--residuals auto|forces|points|both]";
 
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
@@ -433,6 +437,8 @@ Arguments parse(int argc, char** argv) {
       arguments.rig.noise = parse_noise(argv[++i]);
     else if (word == "--cord-friction" && more)
       arguments.cord_friction = cord_friction_from_name(argv[++i]);
+    else if (word == "--residuals" && more)
+      arguments.residuals = mechanical_residuals_from_name(argv[++i]);
     else if (word == "--uniform")
       arguments.options.pattern = GridPattern::uniform;
     else if (arguments.out.empty())

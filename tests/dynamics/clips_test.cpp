@@ -241,7 +241,7 @@ TEST(ClipPoseSensitivities, AgreeWithDifferences) {
   tight.force_tolerance = 1e-11;
   const Points start = solve_clips(cloth, clips, blend_of_clips(mesh.material, clips), tight).x;
   // Displacements of both clips, then of each a turn about its position.
-  const auto forces = [&](const VecX& poses) {
+  const auto solved = [&](const VecX& poses) {
     std::vector<Clip> there = clips;
     for (std::size_t c = 0; c < 2; ++c) {
       const auto first = 6 * static_cast<Eigen::Index>(c);
@@ -250,16 +250,24 @@ TEST(ClipPoseSensitivities, AgreeWithDifferences) {
       if (turn.norm() > 0)
         there[c].rotation = Eigen::AngleAxisd(turn.norm(), turn.normalized()) * there[c].rotation;
     }
-    return VecX(flat(solve_clips(cloth, there, start, tight).forces));
+    return solve_clips(cloth, there, start, tight);
   };
-  const MatX found = clip_pose_sensitivities(cloth, clips, start);
-  const MatX numeric = testing::numeric_jacobian(forces, VecX::Zero(12), 1e-4);
+  const ClipPoseSensitivities sensitivities = clip_pose_sensitivities(cloth, clips, start);
+  const MatX& found = sensitivities.forces;
+  const MatX numeric = testing::numeric_jacobian(
+      [&](const VecX& poses) { return VecX(flat(solved(poses).forces)); }, VecX::Zero(12), 1e-4);
+  const MatX shapes = testing::numeric_jacobian(
+      [&](const VecX& poses) { return VecX(flat(solved(poses).x)); }, VecX::Zero(12), 1e-4);
   ASSERT_EQ(found.rows(), 6);
   ASSERT_EQ(found.cols(), 12);
   for (const int first : {0, 3, 6, 9})
     EXPECT_TRUE(
         testing::near(MatX(found.middleCols(first, 3)), MatX(numeric.middleCols(first, 3)), 1e-5))
         << "columns from " << first;
+  for (const int first : {0, 3, 6, 9})
+    EXPECT_TRUE(testing::near(MatX(sensitivities.x.middleCols(first, 3)),
+                              MatX(shapes.middleCols(first, 3)), 1e-5))
+        << "shapes, columns from " << first;
   // What pulls at one end pulls at the other: no pose changes the sum, and no common one anything.
   EXPECT_LT((found.topRows(3) + found.bottomRows(3)).norm(), 1e-9 * found.norm());
   EXPECT_LT((found.leftCols(3) + found.middleCols(6, 3)).norm(), 1e-9 * found.norm());

@@ -22,35 +22,14 @@ Clip clip_of(const Vec2& size) {
   return clip;
 }
 
-// Two clips joined by a spring along x: a force is off by k (d2 - d1), on both, with opposite
-// signs.
-TEST(ForceWeight, BothEndsSeeTheSameError) {
-  const double k = 2e4, noise = 1e-5, force_noise = 3e-3;
-  MatX by_poses = MatX::Zero(6, 12);
-  by_poses(0, 0) = by_poses(3, 6) = k;
-  by_poses(0, 6) = by_poses(3, 0) = -k;
-  const std::vector<Clip> clips(2, clip_of({0.01, 0.1}));
-  const MatX weight = force_weight(by_poses, clips, MatX::Identity(6, 6), noise, force_noise);
-  const VecX apart = VecX::Unit(6, 0) - VecX::Unit(6, 3), sum = VecX::Unit(6, 0) + VecX::Unit(6, 3);
-  const double ratio = k * noise / force_noise;
-  EXPECT_NEAR((weight * apart).squaredNorm(), 2 / (1 + 4 * ratio * ratio), 1e-12);
-  EXPECT_NEAR((weight * sum).squaredNorm(), 2, 1e-12);
-  EXPECT_NEAR((weight * VecX::Unit(6, 4)).norm(), 1, 1e-12);
-  // Of what is compared: one end, along x alone.
-  const MatX one =
-      force_weight(by_poses, clips, MatX(VecX::Unit(6, 3).transpose()), noise, force_noise);
-  ASSERT_EQ(one.size(), 1);
-  EXPECT_NEAR(one(0, 0), 1 / std::sqrt(1 + 2 * ratio * ratio), 1e-12);
-}
-
-TEST(ForceWeight, TurnsMoveTheEndsOfAClipByItsNoise) {
-  MatX by_poses = MatX::Zero(3, 6);
-  by_poses(1, 5) = 7;  // N/rad
-  const MatX weight =
-      force_weight(by_poses, {clip_of({0.08, 0.01})}, MatX::Identity(3, 3), 1e-5, 3e-3);
-  const double ratio = 7 * (1e-5 / 0.04) / 3e-3;
-  EXPECT_NEAR(weight(1, 1), 1 / std::sqrt(1 + ratio * ratio), 1e-12);
-  EXPECT_EQ(weight(0, 0), 1);
+// Turns move the ends of a clip, half of its longer side from its centre, by the noise.
+TEST(PoseDeviations, TurnsMoveTheEndsOfAClipByItsNoise) {
+  const VecX found = pose_deviations({clip_of({0.08, 0.01}), clip_of({0.02, 0.1})}, 1e-5);
+  ASSERT_EQ(found.size(), 12);
+  EXPECT_EQ(found.segment<3>(0), Vec3::Constant(1e-5));
+  EXPECT_TRUE(found.segment<3>(3).isApprox(Vec3::Constant(1e-5 / 0.04), 1e-14));
+  EXPECT_EQ(found.segment<3>(6), Vec3::Constant(1e-5));
+  EXPECT_TRUE(found.segment<3>(9).isApprox(Vec3::Constant(1e-5 / 0.05), 1e-14));
 }
 
 MechanicalOptions coarse_mesh() {
@@ -162,7 +141,7 @@ TEST(ForceWeights, AreThoseOfTheEndOfAFit) {
   const MechanicalFitResult fit = fit_mechanical(problem, start);
   const ForceWeights expected = problem.force_weights(problem.scaled(fit.fabric));
   ASSERT_EQ(fit.weights.size(), 2u);
-  EXPECT_TRUE(fit.weights[1][3].isApprox(expected[1][3], 1e-2));
+  EXPECT_TRUE(fit.weights[1][3].by_errors().isApprox(expected[1][3].by_errors(), 1e-2));
   // With the weights of the start forces weigh up to five times less.
   EXPECT_LT(fit.cost_first, 0.8 * fit.cost);
   EXPECT_NEAR(fit.cost, 1, 0.3);
@@ -197,6 +176,36 @@ TEST(ForceWeights, DoNotDenyTheFrictionOfTheCords) {
     }
   }
   EXPECT_GE(held, 5);
+}
+
+// Hundreds of points know how far two clips have moved apart better than the clips do, where they
+// are compared beside the forces: the stretch is then known better than from forces alone.
+TEST(ForceWeights, PointsTellWhereClipsAre) {
+  const Fabric truth = stiff_fabric();
+  RigOptions options;
+  options.steps = 8;
+  options.point_lines = 15;
+  options.mesh.cells = 3;
+  options.mesh.pattern = GridPattern::uniform;
+  options.noise.cord_friction = 0;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    options.seed = seed;
+    const auto made = simulate_rig(RigTest::weft_stretch, truth, options);
+    const Trials trials{prepare_mechanical(made.capture, made.geometry, coarse_mesh())};
+    const auto deviation = [&](MechanicalResiduals kind) {
+      MechanicalCostOptions cost;
+      cost.residuals = kind;
+      MechanicalProblem problem(trials, truth, {"weft_stretch"}, cost);
+      const VecX x = problem.scaled(truth);
+      problem.weigh_by(problem.force_weights(x));
+      const auto found = problem.linearize(x);
+      // Noise as stated, also where all poses are wrong.
+      EXPECT_NEAR(found.model.cost, 1, 4 * std::sqrt(2 / problem.residual_count())) << seed;
+      return 1 / std::sqrt(0.5 * problem.residual_count() * found.model.hessian(0, 0));
+    };
+    EXPECT_LT(deviation(MechanicalResiduals::both), 0.8 * deviation(MechanicalResiduals::forces))
+        << seed;
+  }
 }
 
 TEST(ForceWeights, AreNoneWithoutAStatedNoise) {

@@ -126,10 +126,10 @@ ClipSensitivities ClippedCloth::sensitivities(const Points& x, const MatX& histo
   return result;
 }
 
-MatX ClippedCloth::pose_sensitivities(const Points& x) {
-  const MatX forces =
-      detail::held_stiffness(*system_, x, detail::moves_by_poses(x, clip_of_, clips_));
-  return detail::sum_over_clips(forces, clip_of_, clips_.size());
+ClipPoseSensitivities ClippedCloth::pose_sensitivities(const Points& x) {
+  HeldResponse response =
+      detail::held_response(*system_, x, detail::moves_by_poses(x, clip_of_, clips_));
+  return {std::move(response.x), detail::sum_over_clips(response.forces, clip_of_, clips_.size())};
 }
 
 ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& clips, Points start,
@@ -142,8 +142,8 @@ ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<
   return ClippedCloth(cloth, clips).sensitivities(x, history_derivative);
 }
 
-MatX clip_pose_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
-                             const Points& x) {
+ClipPoseSensitivities clip_pose_sensitivities(const HeavyCloth& cloth,
+                                              const std::vector<Clip>& clips, const Points& x) {
   return ClippedCloth(cloth, clips).pose_sensitivities(x);
 }
 

@@ -81,6 +81,13 @@ struct ClipSensitivities {
   bool inexact = false;
 };
 
+/// By the clips' poses, of each clip three columns for its position (per m) and three for a
+/// rotation vector about it, in world axes (per rad).
+struct ClipPoseSensitivities {
+  MatX x;       ///< 3 vertices x 6 clips, the moves of the vertices in the clips among them
+  MatX forces;  ///< 3 clips x 6 clips
+};
+
 /// For the `like` of cloths with the same mesh, kind of model and clips. Throws Error as
 /// clip_of_vertices().
 std::unique_ptr<StaticSystem> system_between_clips(const HeavyCloth& cloth,
@@ -98,7 +105,7 @@ class ClippedCloth {
   /// As the functions below.
   ClipEquilibrium solve(Points start, const StaticOptions& options = {});
   ClipSensitivities sensitivities(const Points& x, const MatX& history_derivative = {});
-  MatX pose_sensitivities(const Points& x);
+  ClipPoseSensitivities pose_sensitivities(const Points& x);
 
  private:
   const HeavyCloth& cloth_;
@@ -123,12 +130,12 @@ ClipEquilibrium solve_clips(const HeavyCloth& cloth, const std::vector<Clip>& cl
 ClipSensitivities clip_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
                                      const Points& x, const MatX& history_derivative = {});
 
-/// Derivatives of the clips' forces at an equilibrium `x` by the clips' poses: 3 clips x 6 clips,
-/// of each clip three columns for its position (N/m) and three for a rotation vector about it, in
-/// world axes (N/rad). With the moves d of the vertices in the clips
+/// Derivatives of an equilibrium `x` and the clips' forces by the clips' poses. With the moves d of
+/// the vertices in the clips
 ///
+///     dx_f = -K_ff^-1 K_fc d,
 ///     dF = sum over the clip's vertices of (K_cc - K_cf K_ff^-1 K_fc) d.
-MatX clip_pose_sensitivities(const HeavyCloth& cloth, const std::vector<Clip>& clips,
-                             const Points& x);
+ClipPoseSensitivities clip_pose_sensitivities(const HeavyCloth& cloth,
+                                              const std::vector<Clip>& clips, const Points& x);
 
 }  // namespace weft

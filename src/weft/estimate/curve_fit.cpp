@@ -497,7 +497,7 @@ class CurveFitter {
       if (!searched || first == first_pass_.end()) continue;
       const MechanicalFitResult& before = first->second;
       const auto less_pays = [&](double cost, double less) {
-        return pays(group, cost, less, before.residual_count);
+        return pays(group, cost, less, before);
       };
       if (!less_pays(cost_of(group, fabric_, before), minimized(before))) continue;
       Shapes shapes(group);
@@ -602,7 +602,7 @@ class CurveFitter {
       if (!place_points(group, points, shapes.here, finer)) break;
       Kept found = at_last_stage(stage(group, finer, 1, points, shapes.here, weights_of(kept.fit)));
       result_.stages[found.stage].kept =
-          pays(group, minimized(kept.fit), found.fit.cost_first, found.fit.residual_count) &&
+          pays(group, minimized(kept.fit), found.fit.cost_first, found.fit) &&
           pays_on_finer_cells(group, kept, found, shapes);
       if (!result_.stages[found.stage].kept) break;
       fabric_ = found.fit.fabric;
@@ -632,13 +632,13 @@ class CurveFitter {
 
   /// By Schwarz's criterion, too (G. Schwarz, Annals of Statistics 6, 1978): of n numbers each
   /// parameter more has to lower the sum of squares, in units of the noise, by ln n.
-  bool pays(const Group& group, double before, double after, double residuals) const {
+  bool pays(const Group& group, double before, double after, const MechanicalFitResult& fit) const {
     const auto curves = std::count_if(group.rows.begin(), group.rows.end(),
                                       [&](const auto& row) { return may_be_curve(fabric_, row); });
     // A single number, as an overhang is, cannot ask for a second control point.
-    const double schwarz =
-        static_cast<double>(curves) * std::log(std::max(residuals, 2.0)) / residuals;
-    return before - after >= std::max(options_.least_reduction * before, schwarz);
+    const double schwarz = static_cast<double>(curves) *
+                           std::log(std::max(fit.residual_count, 2.0)) / fit.residual_count;
+    return before - after >= std::max(options_.least_reduction * fit.force_share * before, schwarz);
   }
 
   /// Of `found` against `kept`. Where it cannot be told the cells of the fit decide.
@@ -652,7 +652,7 @@ class CurveFitter {
       before = cost_on_finer_cells(group, kept.fit.fabric, weights, shapes);
     if (std::isnan(before)) return true;
     after = cost_on_finer_cells(group, found.fit.fabric, weights, shapes);
-    return std::isnan(after) || pays(group, before, after, found.fit.residual_count);
+    return std::isnan(after) || pays(group, before, after, found.fit);
   }
 
   /// The least that the rows of `group` reach there, to second order about `estimate`.

@@ -57,10 +57,11 @@ struct CurveFitOptions {
   CurveShape shape = CurveShape::as_given;
   ThreadSymmetry symmetry = ThreadSymmetry::orthotropic;
   int most_points = 5;  ///< control points of a subdivided curve, 1 to 8
-  /// Of the cost, that one more control point must bring, [0, 1); of n residuals it must also lower
-  /// their sum of squares by ln n (Schwarz's criterion): less is noise. Where fit.mesh_error is
-  /// included it must do both on cells of half the width, in the least cost to second order about
-  /// the estimate: what pays on the cells of the fit alone follows their error.
+  /// Of the cost, that one more control point must bring, [0, 1), where points are compared beside
+  /// forces of the forces' part of it (MechanicalProblem::force_share()); of n residuals it must
+  /// also lower their sum of squares by ln n (Schwarz's criterion): less is noise. Where
+  /// fit.mesh_error is included it must do both on cells of half the width, in the least cost to
+  /// second order about the estimate: what pays on the cells of the fit alone follows their error.
   double least_reduction = 0.01;
   int passes = 2;  ///< of the incremental order, >= 1
   /// Without ties; `forces` is chosen by the order. Each step has the priors of the rows that it

@@ -1,27 +1,23 @@
 #pragma once
-/// Weights of measured forces where the poses of the clips are known to a noise: a pose that is off
-/// by d makes the forces of its frame wrong by J d, with stiff cloth by far more than a gauge is.
+/// How the noise of the clips' poses is told from what a fabric does. A pose that is off by d makes
+/// the forces of its frame wrong by J d, with stiff cloth by far more than a gauge is, and the
+/// measured points by what the cloth between the clips follows: hundreds of points know the way
+/// between two clips better than the clips do.
 #include <vector>
 
 #include "weft/dynamics/clips.h"
+#include "weft/estimate/shared_errors.h"
 
 namespace weft {
 
-/// Of each trial and frame what differences of forces, divided by the noise of a force, are
-/// multiplied by: a square matrix, a row a compared component; without rows in trials that state no
-/// noise of their clips. No trials: none has been asked for.
-using ForceWeights = std::vector<std::vector<MatX>>;
+/// Of each trial and frame, by which its differences over their noise are weighed; none in trials
+/// that state no noise of their clips. No trials: none has been asked for.
+using ForceWeights = std::vector<std::vector<SharedErrors>>;
 
-/// W of a frame, for differences whose covariance is
-///
-///     I + S J P J^T S^T / force_noise^2 = L L^T,      W = L^-1.
-///
-/// J (3 clips x 6 clips) as of clip_pose_sensitivities(); S (compared x 3 clips): the directions of
-/// the compared components; P: diagonal, `clip_noise`^2 (m) for positions and (clip_noise / half of
-/// the clip's longer side)^2 for rotations; `force_noise` N, > 0. Errors of poses are independent
-/// of each other; those that they make in the forces are not: both ends of a strip see the same
-/// one.
-MatX force_weight(const MatX& pose_derivative, const std::vector<Clip>& clips,
-                  const MatX& directions, double clip_noise, double force_noise);
+/// One standard deviation of each coordinate of all poses, 6 a clip: `clip_noise` (m) for positions
+/// and clip_noise / half of the clip's longer side for rotations. Errors of poses are independent
+/// of each other; those that they make in the differences of a frame are not: both ends of a strip
+/// see the same one.
+VecX pose_deviations(const std::vector<Clip>& clips, double clip_noise);
 
 }  // namespace weft

@@ -7,6 +7,7 @@
 
 #include "weft/base/clock.h"
 #include "weft/base/error.h"
+#include "weft/base/parallel.h"
 #include "weft/estimate/computed_overhang.h"
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/estimate_scatter.h"
@@ -71,10 +72,12 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
   }
   if (indices_.empty()) throw Error("no parameters to search");
   add_ties();
+  std::size_t forces = 0;
   for (const auto& trial : trials_) {
     std::size_t count = pose_residual_count(trial->capture);
     if (trial->capture.overhang) count += at(trial->capture.overhang->lengths.size());
     if (uses_forces(*trial)) count += force_count(*trial);
+    if (uses_forces(*trial) && uses_points(*trial)) forces += force_count(*trial);
     if (uses_points(*trial))
       for (const int stage : trial->stage_of_frame)
         count += 3 * at(std::count(trial->stages[at(stage)].point_held.begin(),
@@ -84,6 +87,7 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
                               trial->capture.name, uses_forces(*trial) ? "forces" : "points"));
     residual_count_ += static_cast<double>(count);
   }
+  if (forces > 0) force_share_ = static_cast<double>(forces) / residual_count_;
   for (std::size_t t = 0; t < trials_.size(); ++t) add_friction(t);
   priors_ = WeighedPriors(
       options.priors, dimension(), [&](const VecX& x) { return this->fabric(x); },
@@ -277,45 +281,72 @@ MatX MechanicalProblem::compared_directions(const MechanicalTrial& trial, int fr
   return directions.topRows(count);
 }
 
-/// Of a frame's forces and the poses of its loaded clips, which the noise of the other poses makes
-/// wrong as well.
-MatX MechanicalProblem::weight_of(const MechanicalTrial& trial,
-                                  const MechanicalFrame& frame) const {
-  MatX directions = compared_directions(trial, frame.frame), derivative = frame.pose_derivative;
-  if (trial.capture.has_loaded()) {
-    const MatX by_moves = pose_residuals(trial, frame, options_.point_noise).by_moves;
-    const MatX forces = directions;
-    directions = MatX::Zero(forces.rows() + by_moves.rows(), forces.cols() + by_moves.cols());
-    directions.topLeftCorner(forces.rows(), forces.cols()) = forces;
-    // These are over their noise already.
-    directions.bottomRightCorner(by_moves.rows(), by_moves.cols()) =
-        options_.force_noise * by_moves;
-    derivative.resize(frame.pose_derivative.rows() + frame.clips_by_poses.rows(),
-                      frame.pose_derivative.cols());
-    derivative << frame.pose_derivative, frame.clips_by_poses;
+/// What one standard deviation of each coordinate of the poses does to the differences of a frame,
+/// over their noise, in the order of residuals().
+SharedErrors MechanicalProblem::shared_errors(const MechanicalTrial& trial,
+                                              const MechanicalFrame& frame) const {
+  const MatX forces = compared_directions(trial, frame.frame) * frame.pose_derivative;
+  MatX poses, points;
+  if (trial.capture.has_loaded())
+    poses = pose_residuals(trial, frame, options_.point_noise).by_moves * frame.clips_by_poses;
+  const PointGroups groups = groups_of(trial, frame.frame);
+  points = MatX::Zero(3 * groups.groups(), forces.cols());
+  if (groups.points() > 0 && frame.points_by_poses.rows() > 0) {
+    const std::vector<char>& held =
+        trial.stages[at(trial.stage_of_frame[at(frame.frame)])].point_held;
+    std::vector<Eigen::Index> compared;
+    for (Eigen::Index i = 0; i < frame.points.cols(); ++i)
+      if (!held[at(i)]) compared.insert(compared.end(), {3 * i, 3 * i + 1, 3 * i + 2});
+    points = groups.sums(frame.points_by_poses(compared, Eigen::all));
   }
-  return force_weight(derivative, trial.capture.clips(frame.frame), directions,
-                      trial.capture.clip_noise, options_.force_noise);
+  MatX by_errors(forces.rows() + poses.rows() + points.rows(), frame.pose_derivative.cols());
+  by_errors.topRows(forces.rows()) = forces / options_.force_noise;
+  // Those of loaded clips are over their noise already.
+  by_errors.middleRows(forces.rows(), poses.rows()) = poses;
+  by_errors.bottomRows(points.rows()) = points / options_.point_noise;
+  return SharedErrors(
+      by_errors *
+      pose_deviations(trial.capture.clips(frame.frame), trial.capture.clip_noise).asDiagonal());
 }
 
 ForceWeights MechanicalProblem::weights_of(const MechanicalFrames& frames) const {
   ForceWeights weights(trials_.size());
   for (std::size_t t = 0; t < trials_.size(); ++t) {
     const MechanicalTrial& trial = *trials_[t];
-    for (const MechanicalFrame& frame : frames[t])
-      weights[t].push_back(has_clip_noise(trial) ? weight_of(trial, frame) : MatX());
+    weights[t].resize(frames[t].size());
+    if (!has_clip_noise(trial)) continue;
+    parallel_for(frames[t].size(), threads_,
+                 [&](std::size_t i) { weights[t][i] = shared_errors(trial, frames[t][i]); });
   }
   return weights;
 }
 
-/// The first `count` rows, which are those of the forces and of loaded clips.
+PointGroups MechanicalProblem::groups_of(const MechanicalTrial& trial, int frame) const {
+  if (!uses_points(trial)) return {};
+  return {trial.geometry->mesh.material,
+          trial.stages[at(trial.stage_of_frame[at(frame)])].point_held};
+}
+
+/// The first `count` rows: forces and loaded clips, then points, of which the errors of the poses
+/// are told by groups.
 void MechanicalProblem::weigh(std::size_t trial, int frame, Eigen::Index count,
                               Residuals& r) const {
-  if (weights_.empty() || weights_[trial][at(frame)].size() == 0) return;
-  const MatX& weight = weights_[trial][at(frame)];
-  r.values.head(count) = weight * VecX(r.values.head(count));
-  r.ways.head(count) = weight * VecX(r.ways.head(count));
-  if (r.jacobian.rows() > 0) r.jacobian.topRows(count) = weight * MatX(r.jacobian.topRows(count));
+  if (weights_.empty() || weights_[trial][at(frame)].none()) return;
+  const SharedErrors& errors = weights_[trial][at(frame)];
+  const PointGroups groups = groups_of(*trials_[trial], frame);
+  const Eigen::Index points = 3 * groups.points(), others = count - points;
+  const auto weigh_rows = [&](const MatX& rows) {
+    MatX result = rows, reduced(others + 3 * groups.groups(), rows.cols());
+    reduced.topRows(others) = rows.topRows(others);
+    reduced.bottomRows(3 * groups.groups()) = groups.sums(rows.bottomRows(points));
+    const MatX change = errors.weighed(reduced) - reduced;
+    result.topRows(others) += change.topRows(others);
+    result.bottomRows(points) += groups.spread(change.bottomRows(3 * groups.groups()));
+    return result;
+  };
+  r.values.head(count) = weigh_rows(r.values.head(count));
+  r.ways.head(count) = weigh_rows(r.ways.head(count));
+  if (r.jacobian.rows() > 0) r.jacobian.topRows(count) = weigh_rows(r.jacobian.topRows(count));
 }
 
 void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
@@ -338,7 +369,6 @@ void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
       r.jacobian.middleRows(count, poses.values.size()) = poses.by_moves * frame.clip_derivative;
     count += poses.values.size();
   }
-  weigh(t, frame.frame, count, r);
   if (uses_points(trial)) {
     const Points& measured = trial.geometry->frames[at(frame.frame)];
     for (Eigen::Index i = 0; i < measured.cols(); ++i) {
@@ -351,6 +381,7 @@ void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
       }
     }
   }
+  weigh(t, frame.frame, count, r);
   if (trial.capture.overhang) {
     r.values[count] = overhang_residual(*trial.capture.overhang, frame);
     if (slopes)
@@ -509,10 +540,11 @@ MechanicalProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index 
 VecX to_numbers(const ForceWeights& weights) {
   NumberWriter writer;
   writer.add(0.0);  // finite: there are weights
-  for (const std::vector<MatX>& trial : weights)
-    for (const MatX& weight : trial) {
-      writer.add(static_cast<double>(weight.rows()));
-      writer.add(weight);
+  for (const std::vector<SharedErrors>& trial : weights)
+    for (const SharedErrors& errors : trial) {
+      writer.add(static_cast<double>(errors.by_errors().rows()));
+      writer.add(static_cast<double>(errors.by_errors().cols()));
+      writer.add(errors.by_errors());
     }
   return writer.numbers();
 }
@@ -524,10 +556,11 @@ ForceWeights weights_from_numbers(
   reader.number();
   ForceWeights weights;
   for (const auto& trial : trials) {
-    std::vector<MatX>& frames = weights.emplace_back();
+    std::vector<SharedErrors>& frames = weights.emplace_back();
     for (int frame = 0; frame < trial->capture.frame_count; ++frame) {
       const auto rows = static_cast<Eigen::Index>(reader.number());
-      frames.push_back(reader.matrix(rows, rows));
+      const auto columns = static_cast<Eigen::Index>(reader.number());
+      frames.emplace_back(reader.matrix(rows, columns));
     }
   }
   return weights;
@@ -658,8 +691,8 @@ std::string MechanicalProblem::fingerprint() const {
     hash.add(friction.trial);
     for (const Points& ways : friction.ways) hash.add(ways);
   }
-  for (const std::vector<MatX>& trial : weights_)
-    for (const MatX& weight : trial) hash.add(weight);
+  for (const std::vector<SharedErrors>& trial : weights_)
+    for (const SharedErrors& errors : trial) hash.add(errors.by_errors());
   return hash.hex();
 }
 
@@ -802,6 +835,7 @@ class FitSearch {
     const VecX from = problem_.scaled(start);
     result_.start = problem_.fabric(from);
     result_.residual_count = problem_.residual_count();
+    result_.force_share = problem_.force_share();
     if (problem_.weights().empty()) weigh(from);
     std::string reason;
     result_.cost_start = problem_.cost(from, &reason, &shapes_);
@@ -993,6 +1027,7 @@ MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fa
   const VecX x = problem.scaled(fabric);
   result.start = result.fabric = problem.fabric(x);
   result.residual_count = problem.residual_count();
+  result.force_share = problem.force_share();
   if (weighed.weights().empty()) weighed.weigh_by(weighed.force_weights(x, &here));
   const Replays replays(problem);
   const MechanicalProblem::Linearization found = weighed.linearize(x, &here);

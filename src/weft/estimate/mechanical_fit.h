@@ -17,6 +17,7 @@
 #include "weft/estimate/mechanical_store.h"
 #include "weft/estimate/mechanical_trial.h"
 #include "weft/estimate/mesh_error.h"
+#include "weft/estimate/point_groups.h"
 #include "weft/estimate/residual_intervals.h"
 #include "weft/estimate/uncertainty.h"
 #include "weft/estimate/weighed_priors.h"
@@ -120,6 +121,8 @@ class MechanicalProblem {
   ParameterInfo info(int i) const { return fabric_.info(indices_[static_cast<std::size_t>(i)]); }
   const std::vector<std::shared_ptr<const MechanicalTrial>>& trials() const { return trials_; }
   double residual_count() const { return residual_count_; }
+  /// Share of the forces in that, where points are compared as well as forces; 1 otherwise.
+  double force_share() const { return force_share_; }
   /// Captures whose cord friction is found: places among trials().
   std::vector<std::size_t> with_friction() const;
   /// Of the i-th of these: N, up to the largest measured force, and as far below zero so that an
@@ -187,7 +190,7 @@ class MechanicalProblem {
   std::string key(Question question, const VecX& scaled, const MechanicalShapes* near) const;
   bool has_clip_noise(const MechanicalTrial& trial) const;
   MatX compared_directions(const MechanicalTrial& trial, int frame) const;
-  MatX weight_of(const MechanicalTrial& trial, const MechanicalFrame& frame) const;
+  SharedErrors shared_errors(const MechanicalTrial& trial, const MechanicalFrame& frame) const;
   ForceWeights weights_of(const MechanicalFrames& frames) const;
   double cost_of(const MechanicalFrames& frames) const;
   Linearization linearization_of(const MechanicalFrames& frames, const VecX& scaled) const;
@@ -217,6 +220,7 @@ class MechanicalProblem {
   void add_force_residuals(std::size_t trial, const MechanicalFrame& frame,
                            MechanicalDerivatives derivatives, Eigen::Index& count,
                            Residuals& r) const;
+  PointGroups groups_of(const MechanicalTrial& trial, int frame) const;
   void weigh(std::size_t trial, int frame, Eigen::Index count, Residuals& r) const;
   bool uses_points(const MechanicalTrial& trial) const;
   /// From `from` where it is there, and from the measured shapes where that fails. The reason why
@@ -232,7 +236,7 @@ class MechanicalProblem {
   std::vector<std::vector<int>> followers_;  ///< of each free parameter
   MechanicalCostOptions options_;
   int threads_ = 0;
-  double residual_count_ = 0;
+  double residual_count_ = 0, force_share_ = 1;
   std::vector<Friction> friction_;
   ForceWeights weights_;
   WeighedPriors priors_;
@@ -280,6 +284,7 @@ struct MechanicalFitResult {
   double cost_first = 0;
   double prior_weight = 0;      ///< of the end; 0 without priors
   double prior_error = 0;       ///< what they add to the cost there
+  double force_share = 1;       ///< MechanicalProblem::force_share()
   double residual_count = 0;    ///< numbers that are compared: the cost times it is their sum
   ForceWeights weights;         ///< of the end
   std::size_t evaluations = 0;  ///< of all frames, with or without derivatives

@@ -216,12 +216,14 @@ struct StageModel {
   VecX first_history;  ///< of friction, before the first frame
   std::unique_ptr<HeavyCloth> cloth;
   std::unique_ptr<StaticSystem> system;  ///< of its first frame; null without clips
+  const SparseMatrix* points = nullptr;  ///< of the stage
 };
 
 StageModel stage_model(const MechanicalTrial& trial, const MechanicalStage& stage,
                        const Fabric& fabric) {
   const MechanicalCapture& capture = trial.capture;
   StageModel result;
+  result.points = &stage.points;
   result.model = make_elastic_model(stage.mesh, fabric, capture.grain_angle);
   result.first_history = result.model->history();
   if (capture.picture_frame || stage.frames.empty()) return result;
@@ -304,8 +306,11 @@ MatX solve_held(const StageModel& stage, const MatX& history_derivative, FrameSt
   ClipEquilibrium found = clipped.solve(std::move(start.x), statics);
   take(found, result);
   result.x = std::move(found.x);
-  if (derivatives == MechanicalDerivatives::poses)
-    result.pose_derivative = clipped.pose_sensitivities(result.x);
+  if (derivatives == MechanicalDerivatives::poses) {
+    ClipPoseSensitivities s = clipped.pose_sensitivities(result.x);
+    result.pose_derivative = std::move(s.forces);
+    if (stage.points->rows() > 0) result.points_by_poses = *stage.points * s.x;
+  }
   if (derivatives != MechanicalDerivatives::all) return {};
   ClipSensitivities s = clipped.sensitivities(result.x, history_derivative);
   result.force_derivative = std::move(s.forces);

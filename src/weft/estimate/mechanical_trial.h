@@ -76,6 +76,9 @@ struct MechanicalFrame {
   /// As of clip_pose_sensitivities(), with loaded clips following: their columns are zero. Empty if
   /// not asked for.
   MatX pose_derivative;
+  /// Of the measured points, 3 points x 6 fixtures; empty if not asked for, without a measured
+  /// shape and with loaded clips.
+  MatX points_by_poses;
   std::vector<Clip> clips;  ///< one a fixture; loaded ones as found; of a picture frame as captured
   /// Of loaded clips, zero for others, moves (clip_poses.h): 6 fixtures x parameters, and by the
   /// poses of held clips 6 fixtures x 6 fixtures; empty if not asked for, and without loaded clips.

@@ -4,6 +4,7 @@
 
 #include <mutex>
 #include <string>
+#include <unordered_set>
 
 #include "weft/base/error.h"
 #include "weft/estimate/sqlite_file.h"
@@ -50,6 +51,7 @@ struct NumberStore::Impl {
       database.prepare("SELECT count(*), count(*) FILTER (WHERE problem = ?1) FROM numbers");
   std::mutex mutex;
   std::size_t replayed = 0;
+  std::unordered_set<std::string> added;  ///< since it was opened
 };
 
 NumberStore::NumberStore(const std::filesystem::path& path, std::string_view problem)
@@ -69,7 +71,7 @@ std::optional<VecX> NumberStore::find(std::string_view key) const {
   select.bind(2, key);
   std::optional<VecX> found;
   select.run([&](const detail::Row& row) { found = row.numbers(0); });
-  if (found) ++impl_->replayed;
+  if (found && !impl_->added.contains(std::string(key))) ++impl_->replayed;
   return found;
 }
 
@@ -79,6 +81,7 @@ void NumberStore::add(std::string_view key, const VecX& numbers) {
   insert.bind(2, key);
   insert.bind(3, numbers);
   insert.run();
+  impl_->added.emplace(key);
 }
 
 void NumberStore::remove_all_but(std::string_view prefix, std::string_view kept) {

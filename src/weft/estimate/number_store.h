@@ -25,7 +25,7 @@ class NumberStore {
   /// Removes what belongs to keys that begin with `prefix`, but for `kept`.
   void remove_all_but(std::string_view prefix, std::string_view kept);
   std::size_t count() const;
-  /// How often find() has found something since the store was opened.
+  /// How often find() has found something that was there when the store was opened.
   std::size_t replayed() const;
 
  private:

@@ -16,7 +16,10 @@ class SharedErrors {
 
   /// (I + J J^T / s^2)^-1/2 of each column, s = `scale` > 0: of residuals divided by s, or their
   /// derivatives. Without errors as they are.
-  MatX weighed(const MatX& columns, double scale) const;
+  MatX weighed(const MatX& columns, double scale = 1) const;
+
+  bool none() const { return by_errors_.cols() == 0; }
+  const MatX& by_errors() const { return by_errors_; }
 
  private:
   MatX by_errors_, directions_;  ///< J; eigenvectors of J^T J
