@@ -286,11 +286,11 @@ MatX MechanicalProblem::compared_directions(const MechanicalTrial& trial, int fr
 SharedErrors MechanicalProblem::shared_errors(const MechanicalTrial& trial,
                                               const MechanicalFrame& frame) const {
   const MatX forces = compared_directions(trial, frame.frame) * frame.pose_derivative;
-  MatX poses, points;
+  MatX poses(0, forces.cols());
   if (trial.capture.has_loaded())
     poses = pose_residuals(trial, frame, options_.point_noise).by_moves * frame.clips_by_poses;
   const PointGroups groups = groups_of(trial, frame.frame);
-  points = MatX::Zero(3 * groups.groups(), forces.cols());
+  MatX points = MatX::Zero(3 * groups.groups(), forces.cols());
   if (groups.points() > 0 && frame.points_by_poses.rows() > 0) {
     const std::vector<char>& held =
         trial.stages[at(trial.stage_of_frame[at(frame.frame)])].point_held;

@@ -551,13 +551,12 @@ class Descent {
     const ScanProblem::Linearization found = problem_.linearize(x_);
     if (!std::isfinite(found.model.cost)) return false;
     const double change_of_sum = std::abs(found.model.cost - before) * problem_.residual_count();
-    const bool otherwise_held =
-        change_of_sum >
-        std::max(kLeastChange, (kSameScale - 1) * before * problem_.residual_count());
-    if (options_.balance == ScanBalance::noise) return otherwise_held;
+    const bool reweighed = change_of_sum > std::max(kLeastChange, (kSameScale - 1) * before *
+                                                                      problem_.residual_count());
+    if (options_.balance == ScanBalance::noise) return reweighed;
     const VecX scales = found.target_rms.cwiseMax(1);
     const VecX change = scales.cwiseQuotient(problem_.scales());
-    if (std::max(change.maxCoeff(), 1 / change.minCoeff()) < kSameScale) return otherwise_held;
+    if (std::max(change.maxCoeff(), 1 / change.minCoeff()) < kSameScale) return reweighed;
     problem_.set_scales(scales);
     return true;
   }
