@@ -53,8 +53,4 @@ HeldResponse held_response(StaticSystem& system, const Points& x, const MatX& mo
   return response;
 }
 
-MatX held_stiffness(StaticSystem& system, const Points& x, const MatX& moves) {
-  return held_response(system, x, moves).forces;
-}
-
 }  // namespace weft::detail

@@ -25,7 +25,4 @@ EquilibriumDerivatives equilibrium_derivatives(const HeavyCloth& cloth, StaticSy
 /// vertices answer as in equilibrium_derivatives(). Throws Error for a Hessian that is not finite.
 HeldResponse held_response(StaticSystem& system, const Points& x, const MatX& moves);
 
-/// The forces of held_response().
-MatX held_stiffness(StaticSystem& system, const Points& x, const MatX& moves);
-
 }  // namespace weft::detail

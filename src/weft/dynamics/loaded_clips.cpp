@@ -337,7 +337,7 @@ LoadedPoseSensitivities LoadedCloth::pose_sensitivities(const LoadedEquilibrium&
   const Stiffness stiffness = stiffness_at(place_of(found));
   MatX of_held = detail::moves_by_poses(x, clip_of_, found.clips);
   for (const std::size_t c : loaded_) of_held.middleCols<6>(six(c)).setZero();
-  const MatX forces = detail::held_stiffness(*system_, x, of_held);
+  const MatX forces = detail::held_response(*system_, x, of_held).forces;
   const MatX moves = -stiffness.hessian.solve(net_forces(forces, x, found.clips));
   return {detail::sum_over_clips(forces + stiffness.forces * moves, clip_of_, clips_.size()),
           of_all_clips(moves)};

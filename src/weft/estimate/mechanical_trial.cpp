@@ -216,14 +216,12 @@ struct StageModel {
   VecX first_history;  ///< of friction, before the first frame
   std::unique_ptr<HeavyCloth> cloth;
   std::unique_ptr<StaticSystem> system;  ///< of its first frame; null without clips
-  const SparseMatrix* points = nullptr;  ///< of the stage
 };
 
 StageModel stage_model(const MechanicalTrial& trial, const MechanicalStage& stage,
                        const Fabric& fabric) {
   const MechanicalCapture& capture = trial.capture;
   StageModel result;
-  result.points = &stage.points;
   result.model = make_elastic_model(stage.mesh, fabric, capture.grain_angle);
   result.first_history = result.model->history();
   if (capture.picture_frame || stage.frames.empty()) return result;
@@ -298,7 +296,7 @@ void take(const ClipEquilibrium& found, MechanicalFrame& result) {
   result.torques = found.torques;
 }
 
-/// With all clips held. Returns the shape's derivative by the parameters, where it is asked for.
+/// With all clips held. Returns the shape's derivative by what is asked for.
 MatX solve_held(const StageModel& stage, const MatX& history_derivative, FrameStart start,
                 const StaticOptions& statics, MechanicalDerivatives derivatives,
                 MechanicalFrame& result) {
@@ -309,7 +307,7 @@ MatX solve_held(const StageModel& stage, const MatX& history_derivative, FrameSt
   if (derivatives == MechanicalDerivatives::poses) {
     ClipPoseSensitivities s = clipped.pose_sensitivities(result.x);
     result.pose_derivative = std::move(s.forces);
-    if (stage.points->rows() > 0) result.points_by_poses = *stage.points * s.x;
+    return std::move(s.x);
   }
   if (derivatives != MechanicalDerivatives::all) return {};
   ClipSensitivities s = clipped.sensitivities(result.x, history_derivative);
@@ -318,7 +316,7 @@ MatX solve_held(const StageModel& stage, const MatX& history_derivative, FrameSt
   return std::move(s.x);
 }
 
-/// The same with loaded clips.
+/// The same with loaded clips, but by the poses nothing.
 MatX solve_loaded(const StageModel& stage, std::vector<std::optional<ClipLoad>> loads,
                   const MatX& history_derivative, FrameStart start, const StaticOptions& statics,
                   MechanicalDerivatives derivatives, MechanicalFrame& result) {
@@ -366,18 +364,20 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
   MechanicalFrame result;
   result.frame = frame;
   result.clips = capture.clips(frame);
-  const MatX by_parameters = capture.has_loaded()
-                                 ? solve_loaded(of_stage, capture.loads(frame), history.derivative,
-                                                std::move(start), statics, derivatives, result)
-                                 : solve_held(of_stage, history.derivative, std::move(start),
-                                              statics, derivatives, result);
+  const MatX x_derivative = capture.has_loaded()
+                                ? solve_loaded(of_stage, capture.loads(frame), history.derivative,
+                                               std::move(start), statics, derivatives, result)
+                                : solve_held(of_stage, history.derivative, std::move(start),
+                                             statics, derivatives, result);
   if (trial.geometry) {
     const VecX points = stage.points * flat(result.x);
     result.points = Points::Map(points.data(), 3, points.size() / 3);
   }
   if (derivatives == MechanicalDerivatives::all) {
-    if (remembers) advance(*model, result.x, by_parameters, history);
-    if (trial.geometry) result.point_derivative = stage.points * by_parameters;
+    if (remembers) advance(*model, result.x, x_derivative, history);
+    if (trial.geometry) result.point_derivative = stage.points * x_derivative;
+  } else if (trial.geometry && x_derivative.size() > 0) {
+    result.points_by_poses = stage.points * x_derivative;
   }
   if (remembers) history.values = model->next_history(result.x);
   return result;

@@ -31,7 +31,13 @@ double root_mean_square(const VecX& r, double count) {
   return count > 0 ? std::sqrt(r.squaredNorm() / count) : 0;
 }
 
-/// Clamps whose force was.
+/// The simulated surface where it is compared.
+Points compared_points(const ScanTrial& trial, const ScanSimulation& simulation) {
+  const VecX sampled = trial.sampling * flat(simulation.rest.x);
+  return Points::Map(sampled.data(), 3, sampled.size() / 3);
+}
+
+/// Clamps whose force was measured.
 std::vector<Eigen::Index> measured_forces(const ScanTarget& target) {
   std::vector<Eigen::Index> measured;
   for (std::size_t c = 0; c < target.clamps.size(); ++c)
@@ -218,8 +224,7 @@ ScanProblem::Residuals ScanProblem::residuals(std::size_t t, const ScanSimulatio
   const ScanTrial& trial = *trials_[t];
   const bool all = derivatives == HeldDerivatives::all;
   const VecX& values = fabric.values;
-  const VecX sampled = trial.sampling * flat(simulation.rest.x);
-  const Points x = Points::Map(sampled.data(), 3, sampled.size() / 3);
+  const Points x = compared_points(trial, simulation);
   const auto target = static_cast<Eigen::Index>(t);
   const double scale = scales_[target];
   const VecX weight = (scale * shape_noise_[t]).cwiseInverse();
@@ -263,8 +268,7 @@ ScanProblem::Residuals ScanProblem::residuals(std::size_t t, const ScanSimulatio
 MatX ScanProblem::by_clamp_errors(std::size_t t, const ScanSimulation& simulation,
                                   const Fabric& fabric) const {
   const ScanTrial& trial = *trials_[t];
-  const VecX sampled = trial.sampling * flat(simulation.rest.x);
-  const Points x = Points::Map(sampled.data(), 3, sampled.size() / 3);
+  const Points x = compared_points(trial, simulation);
   const ShapeDescriptor& descriptor = *trial.simulated_descriptor;
   const VecX weight = shape_noise_[t].cwiseInverse();
   const std::vector<Eigen::Index> measured = measured_forces(trial.target);
@@ -297,6 +301,7 @@ MatX ScanProblem::by_clamp_errors(std::size_t t, const ScanSimulation& simulatio
 }
 
 void ScanProblem::take_clamp_errors_at(const VecX& scaled) {
+  if (clamp_errors_at_.size() > 0 && clamp_errors_at_ == scaled) return;
   std::vector<ScanSimulation> simulations;
   if (!simulate(scaled, HeldDerivatives::none, simulations, nullptr)) return;
   const Fabric found = fabric(scaled);
