@@ -9,6 +9,7 @@
 ///                       [--threads N] [--seed N]
 ///                       [--uniform] [--no-noise] [--noise P,C,F,R] [--skip ROW]
 ///                       [--only ROW] [--cord-friction auto|fit|none] [--no-mesh-error]
+///                       [--residuals auto|forces|points|both|stretch-points]
 ///
 /// --noise has the deviations of points and clips (m) and of forces, and the cords' friction (N).
 /// Captures are made in OUT where they are not there yet, of the fabrics validation/fabrics/rig_*.
@@ -402,7 +403,7 @@ constexpr const char* kUsage =
     "[--uniform] "
     "[--skip ROW] [--only ROW] [--no-mesh-error] "
     "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none] "
-    "[--residuals auto|forces|points|both]";
+    "[--residuals auto|forces|points|both|stretch-points]";
 
 Arguments parse(int argc, char** argv) {
   Arguments arguments;

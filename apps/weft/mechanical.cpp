@@ -195,11 +195,13 @@ std::string summary(const MechanicalEvaluation& evaluation) {
 
 void add_cost_options(CLI::App& command, MechanicalFitArguments& arguments) {
   command
-      .add_option("--residuals", arguments.residuals,
-                  "mechanical captures: what is compared; auto: forces between clips, points where "
-                  "one clip holds the cloth; poses of clips that known forces pull and overhangs "
-                  "always are")
-      ->check(CLI::IsMember({"auto", "forces", "points", "both"}))
+      .add_option(
+          "--residuals", arguments.residuals,
+          "mechanical captures: what is compared; auto: forces between clips, points where "
+          "one clip holds the cloth; stretch-points: as auto, and beside the forces of tests "
+          "of stretch points, which with clip_noise say where the clips are; poses of clips "
+          "that known forces pull and overhangs always are")
+      ->check(CLI::IsMember({"auto", "forces", "points", "both", "stretch-points"}))
       ->capture_default_str();
   command
       .add_option("--force-noise", arguments.force_noise,

@@ -7,6 +7,7 @@
 
 #include "common/gradient_check.h"
 #include "weft/base/random.h"
+#include "weft/dynamics/clip_poses.h"
 #include "weft/estimate/cord_friction.h"
 #include "weft/estimate/mechanical_fit.h"
 #include "weft/estimate/mechanical_rig.h"
@@ -121,6 +122,7 @@ TEST(ForceWeights, AreHeldWhileTheFabricChanges) {
   const VecX x = problem.scaled(fabric);
   const std::string before = problem.fingerprint();
   problem.weigh_by(problem.force_weights(x));
+  EXPECT_GT(problem.weights()[0][5].moves.norm(), 0.5);
   EXPECT_NE(problem.fingerprint(), before);
   fabric.set("weft_stretch", 14000);
   const VecX there = problem.scaled(fabric);
@@ -141,7 +143,8 @@ TEST(ForceWeights, AreThoseOfTheEndOfAFit) {
   const MechanicalFitResult fit = fit_mechanical(problem, start);
   const ForceWeights expected = problem.force_weights(problem.scaled(fit.fabric));
   ASSERT_EQ(fit.weights.size(), 2u);
-  EXPECT_TRUE(fit.weights[1][3].by_errors().isApprox(expected[1][3].by_errors(), 1e-2));
+  EXPECT_TRUE(
+      fit.weights[1][3].shared.by_errors().isApprox(expected[1][3].shared.by_errors(), 1e-2));
   // With the weights of the start forces weigh up to five times less.
   EXPECT_LT(fit.cost_first, 0.8 * fit.cost);
   EXPECT_NEAR(fit.cost, 1, 0.3);
@@ -206,6 +209,82 @@ TEST(ForceWeights, PointsTellWhereClipsAre) {
     EXPECT_LT(deviation(MechanicalResiduals::both), 0.8 * deviation(MechanicalResiduals::forces))
         << seed;
   }
+}
+
+// A sheet that is hardly taut goes slack within the noise of its clips: of what poses do there a
+// derivative at the measured ones says little.
+TEST(ForceWeights, ClipsAreWhereTheyMostProbablyAre) {
+  const Fabric truth = stiff_fabric();
+  RigOptions options;
+  options.steps = 8;
+  options.point_lines = 15;
+  options.mesh.cells = 3;
+  options.mesh.pattern = GridPattern::uniform;
+  options.noise.cord_friction = 0;
+  options.noise.clips = 4e-5;
+  MechanicalCostOptions cost;
+  cost.residuals = MechanicalResiduals::both;
+  double linear = 0, found = 0, count = 0;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    options.seed = seed;
+    const auto made = simulate_rig(RigTest::weft_stretch, truth, options);
+    MechanicalProblem problem({prepare_mechanical(made.capture, made.geometry, coarse_mesh())},
+                              truth, {"weft_stretch"}, cost);
+    const VecX x = problem.scaled(truth);
+    problem.weigh_by(problem.force_weights(x, nullptr, MechanicalProblem::ClipPlaces::as_weighed));
+    EXPECT_EQ(problem.weights()[0][0].moves.size(), 0);
+    linear += problem.cost(x) / 4;
+    problem.weigh_by(problem.force_weights(x));
+    const double here = problem.cost(x);
+    found += here / 4;
+    count += problem.residual_count();
+    // There they stay: what three steps leave is little beside the 100 that they gain.
+    problem.weigh_by(problem.force_weights(x));
+    EXPECT_NEAR(problem.cost(x), here, 3 / problem.residual_count()) << seed;
+  }
+  const double scatter = std::sqrt(2 / count);
+  EXPECT_GT(linear, 1 + 6 * scatter);
+  EXPECT_NEAR(found, 1, 4 * scatter);
+}
+
+TEST(ClipMoves, AreWhereAFrameIsComputed) {
+  const auto trial = measured({RigTest::shear}, 1)[0];
+  MechanicalCapture capture = trial->capture;
+  ClipMoves moves(1, std::vector<VecX>(static_cast<std::size_t>(capture.frame_count)));
+  Vec6 move;
+  move << 1e-4, -2e-4, 1e-4, 1e-3, 2e-3, -1e-3;
+  moves[0][3] = VecX::Zero(6 * static_cast<Eigen::Index>(capture.fixtures.size()));
+  moves[0][3].segment<6>(6) = move;
+  Clip& clip = capture.fixtures[1].frames[3];
+  clip = moved_clip(clip, move);
+  const auto found = simulate_mechanical({trial}, stiff_fabric(), MechanicalDerivatives::none, 1,
+                                         nullptr, &moves),
+             expected =
+                 simulate_mechanical({prepare_mechanical(capture, coarse_mesh())}, stiff_fabric());
+  for (std::size_t k = 0; k < found[0].size(); ++k)
+    // Of equilibria to 1e-7 N.
+    EXPECT_TRUE(testing::near(found[0][k].forces, expected[0][k].forces, 1e-4)) << k;
+}
+
+TEST(MechanicalResiduals, StretchPointsArePointsOfTestsOfStretchAlone) {
+  const auto count = [](RigTest test, MechanicalResiduals residuals) {
+    RigOptions options;
+    options.steps = 2;
+    options.point_lines = 6;
+    options.mesh.cells = 3;
+    const auto made = simulate_rig(test, stiff_fabric(), options);
+    MechanicalCostOptions cost;
+    cost.residuals = residuals;
+    return MechanicalProblem({prepare_mechanical(made.capture, made.geometry, coarse_mesh())},
+                             stiff_fabric(), {"shear"}, cost)
+        .residual_count();
+  };
+  using enum MechanicalResiduals;
+  for (const RigTest test : {RigTest::weft_stretch, RigTest::warp_stretch})
+    EXPECT_EQ(count(test, stretch_points), count(test, both)) << name_of(test);
+  EXPECT_EQ(count(RigTest::shear, stretch_points), count(RigTest::shear, forces));
+  EXPECT_EQ(count(RigTest::weft_bend, stretch_points), count(RigTest::weft_bend, points));
+  EXPECT_GT(count(RigTest::weft_stretch, both), count(RigTest::weft_stretch, forces));
 }
 
 TEST(ForceWeights, AreNoneWithoutAStatedNoise) {

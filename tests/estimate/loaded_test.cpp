@@ -179,7 +179,7 @@ TEST(LoadedMechanical, NoiseOfTheHeldClipGoesAlong) {
   const MechanicalProblem problem({prepare_mechanical(capture, with_cells(3))}, stretchy(),
                                   {"membrane_uu"});
   const ForceWeights weights = problem.force_weights(problem.scaled(stretchy()));
-  const MatX& by_errors = weights[0][0].by_errors();
+  const MatX& by_errors = weights[0][0].shared.by_errors();
   ASSERT_EQ(by_errors.rows(), 6);
   const MatX covariance = MatX::Identity(6, 6) + by_errors * by_errors.transpose();
   EXPECT_NEAR(covariance(0, 0), 2, 1e-3);

@@ -43,6 +43,24 @@ TEST(SharedErrors, AnErrorCountsAsItself) {
   EXPECT_NEAR(SharedErrors(by_errors).weighed(residuals, 1).norm(), 0.7, 1e-6);
 }
 
+// Least squares of the residuals and the errors together, of which two are the same.
+TEST(SharedErrors, EstimateIsTheLeastOfResidualsAndErrors) {
+  Rng rng(8);
+  for (const double size : {1e-3, 1.0, 1e3}) {
+    MatX by_errors = random_matrix(12, 4, size, rng);
+    by_errors.col(2) = by_errors.col(1);
+    const VecX residuals = random_matrix(12, 1, 1 + size, rng);
+    const SharedErrors errors(by_errors);
+    const VecX found = errors.estimate(residuals);
+    const VecX slope = by_errors.transpose() * (by_errors * found - residuals) + found;
+    // Rounding, of sums that are as large.
+    EXPECT_LT(slope.norm(), 1e-10 * (by_errors.transpose() * residuals).norm()) << size;
+    const double least = (residuals - by_errors * found).squaredNorm() + found.squaredNorm();
+    EXPECT_NEAR(errors.weighed(residuals).squaredNorm(), least, 1e-8 * residuals.squaredNorm());
+  }
+  EXPECT_EQ(SharedErrors().estimate(VecX::Ones(3)).size(), 0);
+}
+
 TEST(SharedErrors, NoneLeaveResidualsAsTheyAre) {
   Rng rng(7);
   const MatX columns = random_matrix(5, 2, 1, rng);

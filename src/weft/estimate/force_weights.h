@@ -10,9 +10,21 @@
 
 namespace weft {
 
-/// Of each trial and frame, by which its differences over their noise are weighed; none in trials
-/// that state no noise of their clips. No trials: none has been asked for.
-using ForceWeights = std::vector<std::vector<SharedErrors>>;
+/// Of a frame, by which its differences over their noise are weighed.
+///
+/// What a pose does is linear near it only: a sheet that is hardly taut goes slack within the noise
+/// of its clips. So frames are computed where the clips are most probably, and r + J (d - d_0) with
+/// the noise of d about zero is what is weighed, as in a bundle adjustment.
+struct PoseErrors {
+  SharedErrors shared;  ///< J: what one standard deviation of each pose's coordinates does
+  /// d_0: moves (clip_poses.h) of the measured poses to where the frame is computed and J taken, in
+  /// standard deviations, 6 a fixture. Empty: as measured.
+  VecX moves{};
+};
+
+/// Of each trial and frame; none in trials that state no noise of their clips. No trials: none has
+/// been asked for.
+using ForceWeights = std::vector<std::vector<PoseErrors>>;
 
 /// One standard deviation of each coordinate of all poses, 6 a clip: `clip_noise` (m) for positions
 /// and clip_noise / half of the clip's longer side for rotations. Errors of poses are independent

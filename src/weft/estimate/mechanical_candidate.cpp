@@ -126,7 +126,8 @@ MatX information_of(std::shared_ptr<const MechanicalTrial> trial, const Fabric& 
   MechanicalProblem problem({std::move(trial)}, fabric, fabric.value_names(), cost, threads);
   const VecX scaled = problem.scaled(fabric);
   MechanicalShapes shapes;
-  problem.weigh_by(problem.force_weights(scaled, &shapes));
+  problem.weigh_by(
+      problem.force_weights(scaled, &shapes, MechanicalProblem::ClipPlaces::as_weighed));
   const MechanicalProblem::Linearization found = problem.linearize(scaled, &shapes);
   if (!std::isfinite(found.model.cost)) throw Error(found.reason);
   MatX sum = MatX::Zero(found.parts.front().hessian.rows(), found.parts.front().hessian.cols());

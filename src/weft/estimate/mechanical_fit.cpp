@@ -11,6 +11,7 @@
 #include "weft/estimate/computed_overhang.h"
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/estimate_scatter.h"
+#include "weft/estimate/isolated_strain.h"
 #include "weft/estimate/packed_numbers.h"
 #include "weft/estimate/pose_residuals.h"
 #include "weft/estimate/replays.h"
@@ -22,6 +23,10 @@ namespace {
 /// Of a search with new weights: they have not changed where it ends.
 constexpr double kEnoughByWeights = 0.1;
 constexpr int kMostSearches = 8;
+/// Steps to where clips are most probably, and the gain that is not worth one: they are looked for
+/// again after each search.
+constexpr int kMostPoseSteps = 3;
+constexpr double kEnoughByPoses = 1;
 constexpr double kSameWeight = 1.01;  // of the priors
 /// Pieces of a single shape, and points of one: residuals of neighbours depend on each other.
 constexpr Eigen::Index kMostPieces = 8, kLeastPiece = 2;
@@ -48,8 +53,11 @@ MechanicalResiduals mechanical_residuals_from_name(std::string_view name) {
   if (name == "forces") return MechanicalResiduals::forces;
   if (name == "points") return MechanicalResiduals::points;
   if (name == "both") return MechanicalResiduals::both;
+  if (name == "stretch-points") return MechanicalResiduals::stretch_points;
   throw Error(
-      fmt::format("residuals \"{}\" are not known; known: auto, forces, points, both", name));
+      fmt::format("residuals \"{}\" are not known; known: auto, forces, points, both, "
+                  "stretch-points",
+                  name));
 }
 
 CordFriction cord_friction_from_name(std::string_view name) {
@@ -158,16 +166,30 @@ bool MechanicalProblem::only_along_clips(const MechanicalTrial& trial) const {
 }
 
 bool MechanicalProblem::uses_forces(const MechanicalTrial& trial) const {
-  if (options_.residuals == MechanicalResiduals::automatic)
-    return trial.capture.fixtures.size() > 1 || !trial.geometry;
-  return options_.residuals != MechanicalResiduals::points;
+  switch (options_.residuals) {
+    case MechanicalResiduals::points:
+      return false;
+    case MechanicalResiduals::forces:
+    case MechanicalResiduals::both:
+      return true;
+    default:
+      return trial.capture.fixtures.size() > 1 || !trial.geometry;
+  }
 }
 
 bool MechanicalProblem::uses_points(const MechanicalTrial& trial) const {
   if (!trial.geometry) return false;
-  if (options_.residuals == MechanicalResiduals::automatic)
-    return trial.capture.fixtures.size() == 1;
-  return options_.residuals != MechanicalResiduals::forces;
+  switch (options_.residuals) {
+    case MechanicalResiduals::forces:
+      return false;
+    case MechanicalResiduals::points:
+    case MechanicalResiduals::both:
+      return true;
+    case MechanicalResiduals::stretch_points:
+      return trial.capture.fixtures.size() == 1 || is_stretch(isolated_strain(trial.capture));
+    default:
+      return trial.capture.fixtures.size() == 1;
+  }
 }
 
 MechanicalProblem MechanicalProblem::refined() const {
@@ -207,7 +229,8 @@ std::string MechanicalProblem::simulate(const VecX& scaled, MechanicalDerivative
                                         MechanicalFrames& frames) const {
   std::string reason;
   try {
-    frames = simulate_mechanical(trials_, fabric(scaled), derivatives, threads_, from);
+    frames = simulate_mechanical(trials_, fabric(scaled), derivatives, threads_, from,
+                                 moves_.empty() ? nullptr : &moves_);
   } catch (const Error& error) {
     reason = error.what();  // of values that the model refuses
   }
@@ -315,8 +338,10 @@ ForceWeights MechanicalProblem::weights_of(const MechanicalFrames& frames) const
     const MechanicalTrial& trial = *trials_[t];
     weights[t].resize(frames[t].size());
     if (!has_clip_noise(trial)) continue;
-    parallel_for(frames[t].size(), threads_,
-                 [&](std::size_t i) { weights[t][i] = shared_errors(trial, frames[t][i]); });
+    parallel_for(frames[t].size(), threads_, [&](std::size_t i) {
+      weights[t][i].shared = shared_errors(trial, frames[t][i]);
+      if (!weights_.empty()) weights[t][i].moves = weights_[t][i].moves;
+    });
   }
   return weights;
 }
@@ -327,30 +352,38 @@ PointGroups MechanicalProblem::groups_of(const MechanicalTrial& trial, int frame
           trial.stages[at(trial.stage_of_frame[at(frame)])].point_held};
 }
 
-/// The first `count` rows: forces and loaded clips, then points, of which the errors of the poses
-/// are told by groups.
-void MechanicalProblem::weigh(std::size_t trial, int frame, Eigen::Index count,
-                              Residuals& r) const {
-  if (weights_.empty() || weights_[trial][at(frame)].none()) return;
-  const SharedErrors& errors = weights_[trial][at(frame)];
-  const PointGroups groups = groups_of(*trials_[trial], frame);
-  const Eigen::Index points = 3 * groups.points(), others = count - points;
-  const auto weigh_rows = [&](const MatX& rows) {
-    MatX result = rows, reduced(others + 3 * groups.groups(), rows.cols());
-    reduced.topRows(others) = rows.topRows(others);
-    reduced.bottomRows(3 * groups.groups()) = groups.sums(rows.bottomRows(points));
-    const MatX change = errors.weighed(reduced) - reduced;
-    result.topRows(others) += change.topRows(others);
-    result.bottomRows(points) += groups.spread(change.bottomRows(3 * groups.groups()));
-    return result;
-  };
-  r.values.head(count) = weigh_rows(r.values.head(count));
-  r.ways.head(count) = weigh_rows(r.ways.head(count));
-  if (r.jacobian.rows() > 0) r.jacobian.topRows(count) = weigh_rows(r.jacobian.topRows(count));
+/// Rows of differences as those of PoseErrors are: forces and loaded clips, then points, of which
+/// the errors of the poses are told by groups.
+MatX MechanicalProblem::told_by_poses(const PointGroups& groups, const MatX& rows) const {
+  const Eigen::Index points = 3 * groups.points(), others = rows.rows() - points;
+  MatX told(others + 3 * groups.groups(), rows.cols());
+  told.topRows(others) = rows.topRows(others);
+  told.bottomRows(3 * groups.groups()) = groups.sums(rows.bottomRows(points));
+  return told;
 }
 
-void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
-                                  MechanicalDerivatives derivatives, Residuals& r) const {
+void MechanicalProblem::weigh(std::size_t trial, int frame, Residuals& r) const {
+  if (weights_.empty() || weights_[trial][at(frame)].shared.none()) return;
+  const auto& [errors, moves] = weights_[trial][at(frame)];
+  const PointGroups groups = groups_of(*trials_[trial], frame);
+  const Eigen::Index points = 3 * groups.points(), others = r.values.size() - points;
+  const auto change = [&](const MatX& told, const MatX& weighed, auto&& rows) {
+    const MatX difference = weighed - told;
+    rows.topRows(others) += difference.topRows(others);
+    rows.bottomRows(points) += groups.spread(difference.bottomRows(3 * groups.groups()));
+  };
+  const VecX told = told_by_poses(groups, r.values);
+  const VecX as_measured = moves.size() > 0 ? VecX(told - errors.by_errors() * moves) : told;
+  change(told, errors.weighed(as_measured), r.values);
+  const MatX ways = told_by_poses(groups, r.ways);
+  change(ways, errors.weighed(ways), r.ways);
+  if (r.jacobian.rows() == 0) return;
+  const MatX slopes = told_by_poses(groups, r.jacobian);
+  change(slopes, errors.weighed(slopes), r.jacobian);
+}
+
+void MechanicalProblem::differences(std::size_t t, const MechanicalFrame& frame,
+                                    MechanicalDerivatives derivatives, Residuals& r) const {
   const MechanicalTrial& trial = *trials_[t];
   const bool slopes = derivatives == MechanicalDerivatives::all;
   const Eigen::Index parameters = fabric_.values.size();
@@ -381,17 +414,25 @@ void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
       }
     }
   }
-  weigh(t, frame.frame, count, r);
-  if (trial.capture.overhang) {
-    r.values[count] = overhang_residual(*trial.capture.overhang, frame);
-    if (slopes)
-      r.jacobian.row(count) =
-          frame.overhang_derivative.transpose() / trial.capture.overhang->deviation;
-    ++count;
-  }
   r.values.conservativeResize(count);
   r.ways.conservativeResize(count);
   if (slopes) r.jacobian.conservativeResize(count, parameters);
+}
+
+void MechanicalProblem::residuals(std::size_t t, const MechanicalFrame& frame,
+                                  MechanicalDerivatives derivatives, Residuals& r) const {
+  differences(t, frame, derivatives, r);
+  weigh(t, frame.frame, r);
+  const std::optional<OverhangTest>& overhang = trials_[t]->capture.overhang;
+  if (!overhang) return;
+  const Eigen::Index count = r.values.size();
+  r.values.conservativeResize(count + 1);
+  r.ways.conservativeResize(count + 1);
+  r.values[count] = overhang_residual(*overhang, frame);
+  r.ways[count] = 0;
+  if (derivatives != MechanicalDerivatives::all) return;
+  r.jacobian.conservativeResize(count + 1, fabric_.values.size());
+  r.jacobian.row(count) = frame.overhang_derivative.transpose() / overhang->deviation;
 }
 
 double MechanicalProblem::best_friction(std::size_t trial,
@@ -540,13 +581,31 @@ MechanicalProblem::Linearization from_numbers(const VecX& numbers, Eigen::Index 
 VecX to_numbers(const ForceWeights& weights) {
   NumberWriter writer;
   writer.add(0.0);  // finite: there are weights
-  for (const std::vector<SharedErrors>& trial : weights)
-    for (const SharedErrors& errors : trial) {
-      writer.add(static_cast<double>(errors.by_errors().rows()));
-      writer.add(static_cast<double>(errors.by_errors().cols()));
-      writer.add(errors.by_errors());
+  for (const std::vector<PoseErrors>& trial : weights)
+    for (const PoseErrors& errors : trial) {
+      writer.add(static_cast<double>(errors.shared.by_errors().rows()));
+      writer.add(static_cast<double>(errors.shared.by_errors().cols()));
+      writer.add(errors.shared.by_errors());
+      writer.add(static_cast<double>(errors.moves.size()));
+      writer.add(errors.moves);
     }
   return writer.numbers();
+}
+
+/// m and rad.
+ClipMoves moves_of(const ForceWeights& weights,
+                   const std::vector<std::shared_ptr<const MechanicalTrial>>& trials) {
+  ClipMoves moves(weights.size());
+  for (std::size_t t = 0; t < weights.size(); ++t) {
+    const MechanicalCapture& capture = trials[t]->capture;
+    for (int frame = 0; frame < capture.frame_count; ++frame) {
+      VecX of_frame = weights[t][at(frame)].moves;
+      if (of_frame.size() > 0)
+        of_frame.array() *= pose_deviations(capture.clips(frame), capture.clip_noise).array();
+      moves[t].push_back(std::move(of_frame));
+    }
+  }
+  return moves;
 }
 
 ForceWeights weights_from_numbers(
@@ -556,11 +615,13 @@ ForceWeights weights_from_numbers(
   reader.number();
   ForceWeights weights;
   for (const auto& trial : trials) {
-    std::vector<SharedErrors>& frames = weights.emplace_back();
+    std::vector<PoseErrors>& frames = weights.emplace_back();
     for (int frame = 0; frame < trial->capture.frame_count; ++frame) {
       const auto rows = static_cast<Eigen::Index>(reader.number());
       const auto columns = static_cast<Eigen::Index>(reader.number());
-      frames.emplace_back(reader.matrix(rows, columns));
+      SharedErrors shared(reader.matrix(rows, columns));
+      const auto moves = static_cast<Eigen::Index>(reader.number());
+      frames.push_back({std::move(shared), reader.vector(moves)});
     }
   }
   return weights;
@@ -568,18 +629,92 @@ ForceWeights weights_from_numbers(
 
 }  // namespace
 
-ForceWeights MechanicalProblem::force_weights(const VecX& scaled, MechanicalShapes* near) const {
+MechanicalProblem::PoseStep MechanicalProblem::pose_step(std::size_t t,
+                                                         const MechanicalFrame& frame,
+                                                         double friction) const {
+  const auto& [errors, moves] = weights_[t][at(frame.frame)];
+  Residuals r;
+  differences(t, frame, MechanicalDerivatives::none, r);
+  const VecX values = r.values + friction * r.ways;
+  PoseStep step{moves, values.squaredNorm() + moves.squaredNorm()};
+  if (errors.none()) return step;
+  const VecX told = told_by_poses(groups_of(*trials_[t], frame.frame), values);
+  const MatX& by_errors = errors.by_errors();
+  const VecX here = moves.size() > 0 ? moves : VecX(VecX::Zero(by_errors.cols()));
+  const VecX as_measured = told - by_errors * here;
+  step.moves = -errors.estimate(as_measured);
+  step.gain = told.squaredNorm() + here.squaredNorm() -
+              (as_measured + by_errors * step.moves).squaredNorm() - step.moves.squaredNorm();
+  return step;
+}
+
+MechanicalProblem::PoseSteps MechanicalProblem::pose_steps(const MechanicalFrames& frames,
+                                                           const VecX& friction) const {
+  PoseSteps steps(frames.size());
+  for (std::size_t t = 0; t < frames.size(); ++t)
+    for (const MechanicalFrame& frame : frames[t])
+      steps[t].push_back(pose_step(t, frame, friction[static_cast<Eigen::Index>(t)]));
+  return steps;
+}
+
+ForceWeights MechanicalProblem::found_weights(const VecX& scaled, MechanicalFrames& frames) const {
+  MechanicalProblem best = *this;
+  best.keep_in(nullptr);
+  best.weigh_by(weights_of(frames));
+  std::vector<std::vector<double>> shares;  // of a frame's step, that is tried
+  for (const auto& trial : frames) shares.emplace_back(trial.size(), 1.0);
+  for (int k = 0; k < kMostPoseSteps; ++k) {
+    VecX friction(static_cast<Eigen::Index>(frames.size()));
+    for (std::size_t t = 0; t < frames.size(); ++t)
+      friction[static_cast<Eigen::Index>(t)] = best.best_friction(t, frames[t]);
+    const PoseSteps steps = best.pose_steps(frames, friction);
+    ForceWeights next = best.weights_;
+    double gain = 0;
+    for (std::size_t t = 0; t < frames.size(); ++t)
+      for (std::size_t i = 0; i < frames[t].size(); ++i) {
+        gain += steps[t][i].gain;
+        VecX& moves = next[t][i].moves;
+        if (moves.size() == 0) moves.setZero(steps[t][i].moves.size());
+        moves += shares[t][i] * (steps[t][i].moves - moves);
+      }
+    if (gain < kEnoughByPoses) break;
+    MechanicalProblem tried = best;
+    tried.weigh_by(std::move(next));
+    MechanicalFrames there;
+    if (!tried.simulate(scaled, MechanicalDerivatives::poses, &frames, there).empty()) break;
+    tried.weigh_by(tried.weights_of(there));
+    const PoseSteps after = tried.pose_steps(there, friction);
+    ForceWeights taken = best.weights_;
+    for (std::size_t t = 0; t < frames.size(); ++t)
+      for (std::size_t i = 0; i < frames[t].size(); ++i)
+        if (after[t][i].squares <= steps[t][i].squares) {
+          taken[t][i] = tried.weights_[t][i];
+          frames[t][i] = std::move(there[t][i]);
+        } else {
+          shares[t][i] *= 0.5;
+        }
+    best.weigh_by(std::move(taken));
+  }
+  return best.weights_;
+}
+
+ForceWeights MechanicalProblem::force_weights(const VecX& scaled, MechanicalShapes* near,
+                                              ClipPlaces places) const {
   if (!has_clip_noise()) return {};
-  const VecX numbers = ask(
-      Question::weights, scaled, near, [&](const MechanicalFrames* from, MechanicalFrames& found) {
-        const std::string why = simulate(scaled, MechanicalDerivatives::poses, from, found);
-        return why.empty() ? to_numbers(weights_of(found)) : refusal(why);
-      });
+  const bool as_weighed = places == ClipPlaces::as_weighed;
+  const VecX numbers =
+      ask(as_weighed ? Question::weights : Question::found_weights, scaled, near,
+          [&](const MechanicalFrames* from, MechanicalFrames& found) {
+            const std::string why = simulate(scaled, MechanicalDerivatives::poses, from, found);
+            if (!why.empty()) return refusal(why);
+            return to_numbers(as_weighed ? weights_of(found) : found_weights(scaled, found));
+          });
   return weights_from_numbers(numbers, trials_);
 }
 
 void MechanicalProblem::weigh_by(ForceWeights weights) {
   weights_ = std::move(weights);
+  moves_ = moves_of(weights_, trials_);
   if (store_) fingerprint_ = fingerprint();
 }
 
@@ -691,8 +826,11 @@ std::string MechanicalProblem::fingerprint() const {
     hash.add(friction.trial);
     for (const Points& ways : friction.ways) hash.add(ways);
   }
-  for (const std::vector<SharedErrors>& trial : weights_)
-    for (const SharedErrors& errors : trial) hash.add(errors.by_errors());
+  for (const std::vector<PoseErrors>& trial : weights_)
+    for (const PoseErrors& errors : trial) {
+      hash.add(errors.shared.by_errors());
+      hash.add(errors.moves);
+    }
   return hash.hex();
 }
 
@@ -836,7 +974,8 @@ class FitSearch {
     result_.start = problem_.fabric(from);
     result_.residual_count = problem_.residual_count();
     result_.force_share = problem_.force_share();
-    if (problem_.weights().empty()) weigh(from);
+    // Far from the estimate clips would move for what is wrong with the fabric.
+    if (problem_.weights().empty()) weigh(from, MechanicalProblem::ClipPlaces::as_weighed);
     std::string reason;
     result_.cost_start = problem_.cost(from, &reason, &shapes_);
     if (!std::isfinite(result_.cost_start))
@@ -848,8 +987,8 @@ class FitSearch {
 
  private:
   /// False where there are no weights to be had.
-  bool weigh(const VecX& x) {
-    ForceWeights weights = problem_.force_weights(x, &shapes_);
+  bool weigh(const VecX& x, MechanicalProblem::ClipPlaces places) {
+    ForceWeights weights = problem_.force_weights(x, &shapes_, places);
     if (weights.empty()) return false;
     problem_.weigh_by(std::move(weights));
     return true;
@@ -873,7 +1012,8 @@ class FitSearch {
     result_.cost_first = found.cost;
     for (int searches = 1; searches < kMostSearches && !stopped_; ++searches) {
       const MechanicalProblem held = problem_;
-      const bool forces = weigh(found.x), priors = weigh_priors(found.x);
+      const bool forces = weigh(found.x, MechanicalProblem::ClipPlaces::most_probable),
+                 priors = weigh_priors(found.x);
       if (!forces && !priors) break;
       const double before =
           problem_.cost(found.x, nullptr, &shapes_) + problem_.priors().cost(found.x);

@@ -32,9 +32,13 @@ enum class MechanicalResiduals {
   automatic,
   forces,
   points,
-  both
+  both,
+  /// As `automatic`, and beside the forces of tests of stretch (isolated_strain.h) points. Between
+  /// clips that move apart these say where the clips are, which is what the noise of poses hides;
+  /// the folds of a shear follow the cells by more than such points are off.
+  stretch_points
 };
-/// "auto", "forces", "points", "both". Throws Error for another name.
+/// "auto", "forces", "points", "both", "stretch-points". Throws Error for another name.
 MechanicalResiduals mechanical_residuals_from_name(std::string_view name);
 
 /// Which components of a clip's force are compared.
@@ -101,9 +105,9 @@ class MechanicalShapes {
 /// linearization: a fit adds them.
 ///
 /// Where captures state a noise of their clips, differences of forces and of loaded clips are
-/// weighed with it (force_weights.h) once weigh_by() has said how: as at one fabric, whatever
-/// fabric is asked for then. Weights that followed the fabric would make the cost smaller the
-/// stiffer it is.
+/// weighed with it (force_weights.h) once weigh_by() has said how: as at one fabric, with clips
+/// where they are most probably with that, whatever fabric is asked for then. Weights that followed
+/// the fabric would make the cost smaller the stiffer it is.
 ///
 /// Friction of the cords is one number f >= 0 for each of some captures, beside the fabric's
 /// parameters. Its differences are linear in it, r + f w with the ways w of cord_friction.h over
@@ -141,9 +145,17 @@ class MechanicalProblem {
 
   /// Whether a capture of which forces are compared states a noise of its clips.
   bool has_clip_noise() const;
+  enum class ClipPlaces {
+    as_weighed,  ///< where the problem's weights have them, or as measured
+    /// Where they are most probably with the fabric asked for, by Gauss and Newton from there, each
+    /// frame for itself, until all together would lower the sum of squares by less than 1 (three
+    /// steps at most); a step that does not lower that of its frame is halved.
+    most_probable
+  };
   /// Those of the fabric at `scaled`; none without such a capture, and where a frame has no
   /// equilibrium. `near` as of cost().
-  ForceWeights force_weights(const VecX& scaled, MechanicalShapes* near = nullptr) const;
+  ForceWeights force_weights(const VecX& scaled, MechanicalShapes* near = nullptr,
+                             ClipPlaces places = ClipPlaces::most_probable) const;
   /// As force_weights() of this problem, or of one with the same trials and compared components,
   /// returns them.
   void weigh_by(ForceWeights weights);
@@ -181,7 +193,7 @@ class MechanicalProblem {
   std::size_t replayed() const { return store_ ? store_->replayed() : 0; }
 
  private:
-  enum class Question { cost, linearization, weights };
+  enum class Question { cost, linearization, weights, found_weights };
   /// The numbers of the answer, the cost first; `found` stays empty where that is infinite. `from`
   /// is null where there is nothing to start from.
   using Answer = std::function<VecX(const MechanicalFrames* from, MechanicalFrames& found)>;
@@ -192,6 +204,8 @@ class MechanicalProblem {
   MatX compared_directions(const MechanicalTrial& trial, int frame) const;
   SharedErrors shared_errors(const MechanicalTrial& trial, const MechanicalFrame& frame) const;
   ForceWeights weights_of(const MechanicalFrames& frames) const;
+  /// weights_of() where the clips are most probably, with `frames` then of there.
+  ForceWeights found_weights(const VecX& scaled, MechanicalFrames& frames) const;
   double cost_of(const MechanicalFrames& frames) const;
   Linearization linearization_of(const MechanicalFrames& frames, const VecX& scaled) const;
   /// Differences of a frame.
@@ -200,6 +214,16 @@ class MechanicalProblem {
     VecX ways;      ///< by friction, 1/N; zero where that is not found
     MatX jacobian;  ///< by the model's parameters
   };
+  /// Where the clips of a frame would be by its differences, with friction `friction` (N).
+  struct PoseStep {
+    VecX moves;       ///< as of PoseErrors
+    double squares;   ///< where they are: of the differences and of the moves
+    double gain = 0;  ///< of that, to first order
+  };
+  using PoseSteps = std::vector<std::vector<PoseStep>>;
+  PoseStep pose_step(std::size_t trial, const MechanicalFrame& frame, double friction) const;
+  /// `friction`: one a trial.
+  PoseSteps pose_steps(const MechanicalFrames& frames, const VecX& friction) const;
   struct Friction {
     std::size_t trial;
     std::vector<Points> ways;  ///< one a fixture
@@ -221,12 +245,16 @@ class MechanicalProblem {
                            MechanicalDerivatives derivatives, Eigen::Index& count,
                            Residuals& r) const;
   PointGroups groups_of(const MechanicalTrial& trial, int frame) const;
-  void weigh(std::size_t trial, int frame, Eigen::Index count, Residuals& r) const;
+  MatX told_by_poses(const PointGroups& groups, const MatX& rows) const;
+  void weigh(std::size_t trial, int frame, Residuals& r) const;
   bool uses_points(const MechanicalTrial& trial) const;
   /// From `from` where it is there, and from the measured shapes where that fails. The reason why
   /// there is no equilibrium, with no frames; empty where there is.
   std::string simulate(const VecX& scaled, MechanicalDerivatives derivatives,
                        const MechanicalFrames* from, MechanicalFrames& frames) const;
+  /// As they are, but of an overhang, which no pose has to do with, and weighed with it.
+  void differences(std::size_t trial, const MechanicalFrame& frame,
+                   MechanicalDerivatives derivatives, Residuals& r) const;
   void residuals(std::size_t trial, const MechanicalFrame& frame, MechanicalDerivatives derivatives,
                  Residuals& r) const;
 
@@ -239,6 +267,7 @@ class MechanicalProblem {
   double residual_count_ = 0, force_share_ = 1;
   std::vector<Friction> friction_;
   ForceWeights weights_;
+  ClipMoves moves_;  ///< of weights_; no trials: none
   WeighedPriors priors_;
   std::shared_ptr<MechanicalStore> store_;
   std::string fingerprint_;  ///< with a store

@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 #include "weft/base/error.h"
 #include "weft/base/parallel.h"
+#include "weft/dynamics/clip_poses.h"
 #include "weft/dynamics/static_system.h"
 #include "weft/estimate/computed_overhang.h"
 #include "weft/mesh/grid_lines.h"
@@ -340,12 +342,22 @@ MatX solve_loaded(const StageModel& stage, std::vector<std::optional<ClipLoad>> 
   return std::move(s.x);
 }
 
+/// Of a frame, after `moves` (none: empty).
+std::vector<Clip> moved_clips(const MechanicalCapture& capture, int frame, const VecX& moves) {
+  std::vector<Clip> clips = capture.clips(frame);
+  if (moves.size() == 0) return clips;
+  assert(moves.size() == 6 * static_cast<Eigen::Index>(clips.size()));
+  for (std::size_t c = 0; c < clips.size(); ++c)
+    clips[c] = moved_clip(clips[c], moves.segment<6>(6 * static_cast<Eigen::Index>(c)));
+  return clips;
+}
+
 /// `models` are the trial's; with internal friction they are this thread's alone. `history` is that
 /// of the frame before, then of this one.
 MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
                                const std::vector<StageModel>& models,
                                MechanicalDerivatives derivatives, FrameStart start,
-                               History& history) {
+                               const VecX& moves, History& history) {
   const int stage_index = trial.stage_of_frame[at(frame)];
   const MechanicalStage& stage = trial.stages[at(stage_index)];
   const MechanicalCapture& capture = trial.capture;
@@ -363,7 +375,7 @@ MechanicalFrame simulate_frame(const MechanicalTrial& trial, int frame,
   statics.start = start.kind;
   MechanicalFrame result;
   result.frame = frame;
-  result.clips = capture.clips(frame);
+  result.clips = moved_clips(capture, frame, moves);
   const MatX x_derivative = capture.has_loaded()
                                 ? solve_loaded(of_stage, capture.loads(frame), history.derivative,
                                                std::move(start), statics, derivatives, result)
@@ -523,7 +535,8 @@ std::vector<std::shared_ptr<const MechanicalTrial>> on_half_the_cells(
 
 MechanicalFrames simulate_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
-    MechanicalDerivatives derivatives, int threads, const MechanicalFrames* near) {
+    MechanicalDerivatives derivatives, int threads, const MechanicalFrames* near,
+    const ClipMoves* moves) {
   MechanicalFrames results;
   for (const auto& trial : trials) results.emplace_back(at(trial->capture.frame_count));
   const std::vector<std::vector<StageModel>> models = stage_models(trials, fabric, threads);
@@ -531,6 +544,7 @@ MechanicalFrames simulate_mechanical(
                                  ? ModelMemory::friction
                                  : ModelMemory::none;
   const std::vector<Chain> chains = chains_of(trials, near, memory);
+  const VecX as_captured;
   parallel_for(chains.size(), threads, [&](std::size_t i) {
     const MechanicalFrame* before = nullptr;
     History history;
@@ -545,7 +559,8 @@ MechanicalFrames simulate_mechanical(
       const MechanicalFrame* known = near ? &(*near)[t][at(frame)] : nullptr;
       FrameStart start = known ? FrameStart{known->x, {}} : start_of(*trials[t], frame, before);
       if (known && known->converged) start.kind = StaticOptions::Start::near_equilibrium;
-      result = simulate_frame(*trials[t], frame, models[t], derivatives, std::move(start), history);
+      result = simulate_frame(*trials[t], frame, models[t], derivatives, std::move(start),
+                              moves ? (*moves)[t][at(frame)] : as_captured, history);
       if (trials[t]->capture.overhang) add_overhang(*trials[t], fabric, derivatives, result);
       before = &result;
     }

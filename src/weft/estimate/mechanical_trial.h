@@ -96,6 +96,10 @@ enum class MechanicalDerivatives { none, all, poses };
 /// Of each trial all frames.
 using MechanicalFrames = std::vector<std::vector<MechanicalFrame>>;
 
+/// Of each trial and frame the moves (clip_poses.h) of its clips from where they are captured to
+/// where they are, 6 a fixture; empty: none.
+using ClipMoves = std::vector<std::vector<VecX>>;
+
 /// All frames of all trials with `fabric`. With `near`, each starts from the shape that it has
 /// there: from the equilibrium of a similar fabric in the same trials, or, where it did not
 /// converge, from a start like any other. Otherwise a frame with a measured shape starts
@@ -112,11 +116,13 @@ using MechanicalFrames = std::vector<std::vector<MechanicalFrame>>;
 /// The frames of an overhang test, one a reading, are the same: the strip at the mean of what was
 /// read, and the overhang at which it reaches the angle of the test.
 ///
+/// `moves`: of clips between which cloth hangs; null: none.
+///
 /// Results do not depend on the number of threads. Throws Error where the model refuses the values.
 MechanicalFrames simulate_mechanical(
     const std::vector<std::shared_ptr<const MechanicalTrial>>& trials, const Fabric& fabric,
     MechanicalDerivatives derivatives = MechanicalDerivatives::none, int threads = 0,
-    const MechanicalFrames* near = nullptr);
+    const MechanicalFrames* near = nullptr, const ClipMoves* moves = nullptr);
 
 /// Shapes of `from` at the vertices of other meshes of the same captures: starts, not converged.
 MechanicalFrames starts_between(const std::vector<std::shared_ptr<const MechanicalTrial>>& trials,

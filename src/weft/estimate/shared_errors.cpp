@@ -23,4 +23,10 @@ MatX SharedErrors::weighed(const MatX& columns, double scale) const {
   return columns - by_errors_ * (directions_ * (factor.asDiagonal() * along));
 }
 
+VecX SharedErrors::estimate(const VecX& residuals) const {
+  if (none()) return VecX(0);
+  const VecX along = directions_.transpose() * (by_errors_.transpose() * residuals);
+  return directions_ * (along.array() / (1 + squares_.array())).matrix();
+}
+
 }  // namespace weft

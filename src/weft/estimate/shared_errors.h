@@ -18,6 +18,9 @@ class SharedErrors {
   /// derivatives. Without errors as they are.
   MatX weighed(const MatX& columns, double scale = 1) const;
 
+  /// The most probable errors behind `residuals`, in standard deviations: (I + J^T J)^-1 J^T r.
+  VecX estimate(const VecX& residuals) const;
+
   bool none() const { return by_errors_.cols() == 0; }
   const MatX& by_errors() const { return by_errors_; }
 
