@@ -267,17 +267,22 @@ TEST(ClipMoves, AreWhereAFrameIsComputed) {
 }
 
 TEST(MechanicalResiduals, StretchPointsArePointsOfTestsOfStretchAlone) {
-  const auto count = [](RigTest test, MechanicalResiduals residuals) {
+  const auto problem = [](const std::vector<RigTest>& tests, MechanicalResiduals residuals) {
     RigOptions options;
     options.steps = 2;
     options.point_lines = 6;
     options.mesh.cells = 3;
-    const auto made = simulate_rig(test, stiff_fabric(), options);
+    Trials trials;
+    for (const RigTest test : tests) {
+      const auto made = simulate_rig(test, stiff_fabric(), options);
+      trials.push_back(prepare_mechanical(made.capture, made.geometry, coarse_mesh()));
+    }
     MechanicalCostOptions cost;
     cost.residuals = residuals;
-    return MechanicalProblem({prepare_mechanical(made.capture, made.geometry, coarse_mesh())},
-                             stiff_fabric(), {"shear"}, cost)
-        .residual_count();
+    return MechanicalProblem(trials, stiff_fabric(), {"shear"}, cost);
+  };
+  const auto count = [&](RigTest test, MechanicalResiduals residuals) {
+    return problem({test}, residuals).residual_count();
   };
   using enum MechanicalResiduals;
   for (const RigTest test : {RigTest::weft_stretch, RigTest::warp_stretch})
@@ -285,6 +290,12 @@ TEST(MechanicalResiduals, StretchPointsArePointsOfTestsOfStretchAlone) {
   EXPECT_EQ(count(RigTest::shear, stretch_points), count(RigTest::shear, forces));
   EXPECT_EQ(count(RigTest::weft_bend, stretch_points), count(RigTest::weft_bend, points));
   EXPECT_GT(count(RigTest::weft_stretch, both), count(RigTest::weft_stretch, forces));
+  // Forces of all captures are the forces' part, also of those without points.
+  const std::vector<RigTest> tests{RigTest::weft_stretch, RigTest::shear};
+  const MechanicalProblem beside = problem(tests, stretch_points);
+  EXPECT_DOUBLE_EQ(beside.force_share(),
+                   problem(tests, forces).residual_count() / beside.residual_count());
+  EXPECT_EQ(problem({RigTest::shear}, stretch_points).force_share(), 1);
 }
 
 TEST(ForceWeights, AreNoneWithoutAStatedNoise) {

@@ -81,11 +81,15 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
   if (indices_.empty()) throw Error("no parameters to search");
   add_ties();
   std::size_t forces = 0;
+  bool points_beside = false;
   for (const auto& trial : trials_) {
     std::size_t count = pose_residual_count(trial->capture);
     if (trial->capture.overhang) count += at(trial->capture.overhang->lengths.size());
-    if (uses_forces(*trial)) count += force_count(*trial);
-    if (uses_forces(*trial) && uses_points(*trial)) forces += force_count(*trial);
+    if (uses_forces(*trial)) {
+      count += force_count(*trial);
+      forces += force_count(*trial);
+      points_beside = points_beside || uses_points(*trial);
+    }
     if (uses_points(*trial))
       for (const int stage : trial->stage_of_frame)
         count += 3 * at(std::count(trial->stages[at(stage)].point_held.begin(),
@@ -95,7 +99,7 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
                               trial->capture.name, uses_forces(*trial) ? "forces" : "points"));
     residual_count_ += static_cast<double>(count);
   }
-  if (forces > 0) force_share_ = static_cast<double>(forces) / residual_count_;
+  if (points_beside) force_share_ = static_cast<double>(forces) / residual_count_;
   for (std::size_t t = 0; t < trials_.size(); ++t) add_friction(t);
   priors_ = WeighedPriors(
       options.priors, dimension(), [&](const VecX& x) { return this->fabric(x); },
