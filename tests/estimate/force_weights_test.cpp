@@ -122,7 +122,6 @@ TEST(ForceWeights, AreHeldWhileTheFabricChanges) {
   const VecX x = problem.scaled(fabric);
   const std::string before = problem.fingerprint();
   problem.weigh_by(problem.force_weights(x));
-  EXPECT_GT(problem.weights()[0][5].moves.norm(), 0.5);
   EXPECT_NE(problem.fingerprint(), before);
   fabric.set("weft_stretch", 14000);
   const VecX there = problem.scaled(fabric);
@@ -241,6 +240,12 @@ TEST(ForceWeights, ClipsAreWhereTheyMostProbablyAre) {
     // There they stay: what three steps leave is little beside the 100 that they gain.
     problem.weigh_by(problem.force_weights(x));
     EXPECT_NEAR(problem.cost(x), here, 3 / problem.residual_count()) << seed;
+    // Also while the fabric changes, of which the derivatives are.
+    EXPECT_GT(problem.weights()[0][5].moves.norm(), 0.5);
+    const VecX there = x.array() + 0.01;
+    const VecX numeric =
+        testing::numeric_gradient([&](const VecX& at) { return problem.cost(at); }, there, 1e-4);
+    EXPECT_TRUE(testing::near(problem.linearize(there).model.gradient, numeric, 1e-4)) << seed;
   }
   const double scatter = std::sqrt(2 / count);
   EXPECT_GT(linear, 1 + 6 * scatter);

@@ -641,7 +641,7 @@ MechanicalProblem::PoseStep MechanicalProblem::pose_step(std::size_t t,
   differences(t, frame, MechanicalDerivatives::none, r);
   const VecX values = r.values + friction * r.ways;
   PoseStep step{moves, values.squaredNorm() + moves.squaredNorm()};
-  if (errors.none()) return step;
+  if (errors.none() || !uses_points(*trials_[t])) return step;
   const VecX told = told_by_poses(groups_of(*trials_[t], frame.frame), values);
   const MatX& by_errors = errors.by_errors();
   const VecX here = moves.size() > 0 ? moves : VecX(VecX::Zero(by_errors.cols()));

@@ -147,9 +147,10 @@ class MechanicalProblem {
   bool has_clip_noise() const;
   enum class ClipPlaces {
     as_weighed,  ///< where the problem's weights have them, or as measured
-    /// Where they are most probably with the fabric asked for, by Gauss and Newton from there, each
-    /// frame for itself, until all together would lower the sum of squares by less than 1 (three
-    /// steps at most); a step that does not lower that of its frame is halved.
+    /// Of captures of which points are compared, without which the forces would be made what the
+    /// fabric asks for: where they are most probably with that, by Gauss and Newton from there,
+    /// each frame for itself, until all together would lower the sum of squares by less than 1
+    /// (three steps at most); a step that does not lower that of its frame is halved.
     most_probable
   };
   /// Those of the fabric at `scaled`; none without such a capture, and where a frame has no
