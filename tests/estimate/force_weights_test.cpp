@@ -180,16 +180,22 @@ TEST(ForceWeights, DoNotDenyTheFrictionOfTheCords) {
   EXPECT_GE(held, 5);
 }
 
-// Hundreds of points know how far two clips have moved apart better than the clips do, where they
-// are compared beside the forces: the stretch is then known better than from forces alone.
-TEST(ForceWeights, PointsTellWhereClipsAre) {
-  const Fabric truth = stiff_fabric();
+/// Many points of a stretch test on a mesh like that of its fit, and no friction.
+RigOptions many_points() {
   RigOptions options;
   options.steps = 8;
   options.point_lines = 15;
   options.mesh.cells = 3;
   options.mesh.pattern = GridPattern::uniform;
   options.noise.cord_friction = 0;
+  return options;
+}
+
+// Hundreds of points know how far two clips have moved apart better than the clips do, where they
+// are compared beside the forces: the stretch is then known better than from forces alone.
+TEST(ForceWeights, PointsTellWhereClipsAre) {
+  const Fabric truth = stiff_fabric();
+  RigOptions options = many_points();
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     options.seed = seed;
     const auto made = simulate_rig(RigTest::weft_stretch, truth, options);
@@ -214,12 +220,7 @@ TEST(ForceWeights, PointsTellWhereClipsAre) {
 // derivative at the measured ones says little.
 TEST(ForceWeights, ClipsAreWhereTheyMostProbablyAre) {
   const Fabric truth = stiff_fabric();
-  RigOptions options;
-  options.steps = 8;
-  options.point_lines = 15;
-  options.mesh.cells = 3;
-  options.mesh.pattern = GridPattern::uniform;
-  options.noise.cord_friction = 0;
+  RigOptions options = many_points();
   options.noise.clips = 4e-5;
   MechanicalCostOptions cost;
   cost.residuals = MechanicalResiduals::both;

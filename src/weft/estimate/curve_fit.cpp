@@ -115,7 +115,7 @@ class CurveFitter {
               const CurveFitOptions& options, const CurveFitObserver& observer)
       : trials_(trials), fabric_(start), rows_(rows), options_(options), observer_(observer) {
     check(options);
-    for (const auto& trial : trials) tests_.push_back(isolated_strain(trial->capture));
+    for (const auto& trial : trials) tests_.push_back(trial->isolated_strain);
     choose_rows();
     shape_start();
   }

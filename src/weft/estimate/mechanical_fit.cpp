@@ -11,7 +11,6 @@
 #include "weft/estimate/computed_overhang.h"
 #include "weft/estimate/content_hash.h"
 #include "weft/estimate/estimate_scatter.h"
-#include "weft/estimate/isolated_strain.h"
 #include "weft/estimate/packed_numbers.h"
 #include "weft/estimate/pose_residuals.h"
 #include "weft/estimate/replays.h"
@@ -190,7 +189,7 @@ bool MechanicalProblem::uses_points(const MechanicalTrial& trial) const {
     case MechanicalResiduals::both:
       return true;
     case MechanicalResiduals::stretch_points:
-      return trial.capture.fixtures.size() == 1 || is_stretch(isolated_strain(trial.capture));
+      return trial.capture.fixtures.size() == 1 || is_stretch(trial.isolated_strain);
     default:
       return trial.capture.fixtures.size() == 1;
   }

@@ -486,6 +486,7 @@ std::shared_ptr<const MechanicalTrial> prepare_mechanical(const MechanicalCaptur
     throw Error(fmt::format("cells is {}, must be in [2, {}]", options.cells, kMostTestCells));
   auto trial = std::make_shared<MechanicalTrial>();
   trial->capture = capture;
+  trial->isolated_strain = isolated_strain(capture);
   trial->options = options;
   trial->geometry = std::move(geometry);
   std::vector<std::vector<MaterialRectangle>> seen;

@@ -9,6 +9,7 @@
 #include "weft/capture/capture.h"
 #include "weft/capture/mechanical_capture.h"
 #include "weft/dynamics/held_equilibrium.h"
+#include "weft/estimate/isolated_strain.h"
 #include "weft/fabric/fabric.h"
 
 namespace weft {
@@ -45,6 +46,7 @@ struct MechanicalTrial {
   MechanicalOptions options;
   std::vector<MechanicalStage> stages;
   std::vector<int> stage_of_frame;
+  IsolatedStrain isolated_strain;
 };
 /// Reads the measured shape, where there is one. Throws Error for options out of range, and where
 /// the clips do not fit on the mesh.
