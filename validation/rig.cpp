@@ -7,7 +7,7 @@
 ///     weft_validate_rig OUT [recovery] [orders] [table] [bound] [known_forces] [--fabric NAME]
 ///                       [--model NAME] [--cells N] [--truth-cells N] [--steps N] [--starts N]
 ///                       [--threads N] [--seed N]
-///                       [--uniform] [--no-noise] [--noise P,C,F,R] [--skip ROW]
+///                       [--uniform] [--smooth] [--no-noise] [--noise P,C,F,R] [--skip ROW]
 ///                       [--only ROW] [--cord-friction auto|fit|none] [--no-mesh-error]
 ///                       [--residuals auto|forces|points|both|stretch-points]
 ///
@@ -44,6 +44,7 @@ struct Arguments {
   MechanicalOptions options;
   RigOptions rig;
   int starts = 1;
+  CurveShape shape = CurveShape::subdivided;  ///< of nonlinear fits
   int threads = 0;
   MeshError mesh_error = MeshError::included;
   CordFriction cord_friction = CordFriction::as_captured;
@@ -242,7 +243,7 @@ void recovery(const Arguments& arguments, const std::string& name, FitOrder orde
     const Start& start = kStarts[i];
     CurveFitOptions options;
     options.order = order;
-    options.shape = CurveShape::subdivided;
+    options.shape = arguments.shape;
     Fabric wrong = wrong_fabric(truth, truth.model, start);
     for (const ThreadParameter& p : kThreadParameters)
       if (arguments.only.empty() ? p.name == arguments.skip : p.name != arguments.only)
@@ -278,7 +279,7 @@ void known_forces(const Arguments& arguments, const std::string& name) {
   for (const std::string& row : kStretches) start.set_curve(row, wrong.curve(row));
   CurveFitOptions options;
   options.order = FitOrder::incremental;
-  options.shape = CurveShape::subdivided;
+  options.shape = arguments.shape;
   const Trials moved = stretch_trials(arguments, name, StretchDrive::known_ways),
                pulled = stretch_trials(arguments, name, StretchDrive::known_forces);
   for (const Trials* trials : {&moved, &pulled}) {
@@ -373,7 +374,7 @@ void table(const Arguments& arguments, const std::string& name) {
     const Trials trials = fit_trials(arguments, name, model);
     for (const Variant& variant : kVariants) {
       CurveFitOptions options;
-      options.shape = variant.shape;
+      options.shape = variant.shape == CurveShape::subdivided ? arguments.shape : variant.shape;
       options.symmetry = variant.symmetry;
       const std::string title = fmt::format("{}: {}, {}", name, model, variant.name);
       try {
@@ -400,7 +401,7 @@ constexpr const char* kUsage =
     "usage: weft_validate_rig OUT [recovery] [orders] [table] [bound] [known_forces] "
     "[--fabric NAME] [--model NAME] "
     "[--cells N] [--truth-cells N] [--steps N] [--starts N] [--threads N] [--seed N] "
-    "[--uniform] "
+    "[--uniform] [--smooth] "
     "[--skip ROW] [--only ROW] [--no-mesh-error] "
     "[--no-noise] [--noise POINTS,CLIPS,FORCES,FRICTION] [--cord-friction auto|fit|none] "
     "[--residuals auto|forces|points|both|stretch-points]";
@@ -440,6 +441,8 @@ Arguments parse(int argc, char** argv) {
       arguments.cord_friction = cord_friction_from_name(argv[++i]);
     else if (word == "--residuals" && more)
       arguments.residuals = mechanical_residuals_from_name(argv[++i]);
+    else if (word == "--smooth")
+      arguments.shape = CurveShape::smooth;
     else if (word == "--uniform")
       arguments.options.pattern = GridPattern::uniform;
     else if (arguments.out.empty())

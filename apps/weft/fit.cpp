@@ -523,7 +523,8 @@ void run_mechanical(const FitArguments& arguments, const CLI::App& command) {
   fit.parameters = arguments.parameters;
   fit.seed = arguments.seed;
   fit.existing = arguments.existing;
-  refuse_without(command, "--subdivide", {"--points"});
+  if (command.count("--points") > 0 && command.count("--smooth") == 0)
+    refuse_without(command, "--subdivide", {"--points"});
   if (arguments.start != "random" && command.count("--seed") > 0)
     throw Error("--seed: of mechanical captures only with --start random");
   if (CurveFitArguments::given(command)) fit.curves = arguments.curves.options();

@@ -36,8 +36,8 @@ std::string stage_title(const CurveFitStage& stage) {
 }  // namespace
 
 const std::vector<std::string>& CurveFitArguments::names() {
-  static const std::vector<std::string> names{"--order", "--subdivide", "--points", "--linear",
-                                              "--isotropic"};
+  static const std::vector<std::string> names{"--order",  "--subdivide", "--smooth",
+                                              "--points", "--linear",    "--isotropic"};
   return names;
 }
 
@@ -56,9 +56,15 @@ void CurveFitArguments::add_to(CLI::App& command) {
       "mechanical captures: stiffness curves, from one control point each to as many "
       "as lower the error by 1 % and by more than noise does (Schwarz's criterion), on "
       "halved cells as well");
+  command.add_flag(
+      "--smooth", smooth_,
+      "mechanical captures: as --subdivide, but curves of stretch and shear, where they pay, with "
+      "--points control points and as rough as is most probable, and shear from all components of "
+      "its forces");
   command
-      .add_option("--points", points_,
-                  "mechanical captures: most control points of a curve with --subdivide")
+      .add_option(
+          "--points", points_,
+          "mechanical captures: most control points of a curve with --subdivide or --smooth")
       ->check(integer_in(1, StiffnessCurve::kMostKnots))
       ->capture_default_str();
   command.add_flag("--linear", linear_,
@@ -74,10 +80,12 @@ bool CurveFitArguments::given(const CLI::App& command) {
 }
 
 CurveFitOptions CurveFitArguments::options() const {
-  if (subdivide_ && linear_) throw Error("--subdivide and --linear exclude each other");
+  if (subdivide_ + smooth_ + linear_ > 1)
+    throw Error("--subdivide, --smooth and --linear exclude each other");
   CurveFitOptions options;
   options.order = fit_order_from_name(order_);
   if (subdivide_) options.shape = CurveShape::subdivided;
+  if (smooth_) options.shape = CurveShape::smooth;
   if (linear_) options.shape = CurveShape::linear;
   if (isotropic_) options.symmetry = ThreadSymmetry::isotropic;
   options.most_points = points_;
@@ -103,6 +111,9 @@ void add_curves(const CurveFitResult& fit, nlohmann::json& result) {
                                       {"stiffness", numbers(band.stiffness)},
                                       {"lower", numbers(band.lower)},
                                       {"upper", numbers(band.upper)}};
+    const auto roughness = fit.fit.roughness.find(info.name);
+    if (roughness != fit.fit.roughness.end())
+      curves[std::string(info.name)]["roughness"] = roughness->second;
   }
   result["curves"] = curves;
   nlohmann::json list = nlohmann::json::array();

@@ -24,7 +24,7 @@ class CurveFitArguments {
 
  private:
   std::string order_ = "joint";
-  bool subdivide_ = false, linear_ = false, isotropic_ = false;
+  bool subdivide_ = false, smooth_ = false, linear_ = false, isotropic_ = false;
   int points_ = CurveFitOptions().most_points;
 };
 

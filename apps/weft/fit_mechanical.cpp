@@ -46,11 +46,13 @@ std::vector<std::string> free_rows(const MechanicalFitArguments& arguments, cons
     const auto index = static_cast<std::size_t>(parameter_index(fabric.model, row));
     return !model_parameters(fabric.model)[index].curve_over.empty();
   };
-  if (arguments.curves->shape == CurveShape::subdivided && std::ranges::none_of(rows, may_be_curve))
+  const CurveShape shape = arguments.curves->shape;
+  const bool curves = shape == CurveShape::subdivided || shape == CurveShape::smooth;
+  if (curves && std::ranges::none_of(rows, may_be_curve))
     throw Error(
-        fmt::format("--subdivide: no parameter of model \"{}\" that is searched may be a "
+        fmt::format("{}: no parameter of model \"{}\" that is searched may be a "
                     "curve; of stvk-diagonal stretch, shear and bend may",
-                    fabric.model));
+                    shape == CurveShape::smooth ? "--smooth" : "--subdivide", fabric.model));
   return rows;
 }
 

@@ -524,6 +524,8 @@ TEST_F(Mechanical, AKilledOrStoppedFitContinues) {
       {"--model", "stvk-diagonal", "--order", "incremental", "--subdivide", "--parameters",
        "weft_stretch"},
       {"--model", "stvk-diagonal", "--order", "joint", "--subdivide", "--isotropic", "--parameters",
+       "weft_stretch"},
+      {"--model", "stvk-diagonal", "--order", "incremental", "--smooth", "--parameters",
        "weft_stretch"}};
   for (std::size_t i = 0; i < orders.size(); ++i) {
     const testing::ScopedTrace trace(__FILE__, __LINE__, fmt::format("order {}", i));
@@ -752,6 +754,11 @@ TEST_F(Mechanical, RefusesWhatCannotBeMeant) {
   EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--model", "stvk-diagonal",
                        "--subdivide", "--parameters", "stretch_coupling"}),
               HasSubstr("--subdivide: no parameter"));
+  EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--smooth"}),
+              HasSubstr("--smooth: no parameter"));
+  EXPECT_THAT(refusal({"fit", path("strip"), "--out", path("x"), "--model", "stvk-diagonal",
+                       "--smooth", "--points", "2", "--parameters", "weft_stretch"}),
+              HasSubstr("smooth curve: 2, must be in [3, 8]"));
   write("strip/curve.csv", "extension,load\n0,0\n1,two\n");
   EXPECT_THAT(refusal({"check", path("strip")}), HasSubstr("curve.csv:3"));
 }

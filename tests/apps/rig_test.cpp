@@ -110,6 +110,9 @@ TEST_F(Rig, RefusesOptionsOfTheOtherKind) {
   EXPECT_THAT(refusal({"fit", path("r/bend_weft"), "--out", path("x"), "--model", "springs",
                        "--subdivide", "--linear"}),
               HasSubstr("exclude"));
+  EXPECT_THAT(refusal({"fit", path("r/bend_weft"), "--out", path("x"), "--model", "springs",
+                       "--subdivide", "--smooth"}),
+              HasSubstr("exclude"));
 }
 
 }  // namespace

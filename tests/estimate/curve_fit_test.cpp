@@ -200,6 +200,44 @@ TEST(FitCurves, StretchDoesNotLoseByAModelThatCannotShear) {
   EXPECT_EQ(std::ranges::count_if(found.stages, given_back), 1);
 }
 
+// From tests with noise, of which five control points for themselves would follow the noise.
+TEST(FitCurves, SmoothCurvesDoNotFollowTheNoise) {
+  const test::TemporaryFolder folder;
+  Fabric truth = nonlinear_fabric();
+  // So stiff that it does not fold, which five cells would do in their own way.
+  for (const char* row : {"weft_bend", "warp_bend", "diagonal_bend"}) truth.set(row, 1e-3);
+  // No knot within the strains that occur, where five others cannot bend as sharply.
+  truth.set_curve("weft_stretch", {VecX::LinSpaced(2, 0, 0.4), Vec2(300, 900)});
+  truth.set_curve("warp_stretch", {VecX::LinSpaced(2, 0, 0.4), Vec2(150, 300)});
+  truth.set_curve("shear", {VecX::LinSpaced(2, 0, 0.8), Vec2(25, 60)});
+  RigOptions rig = small_rig();
+  rig.steps = 8;
+  rig.largest_shear = 0.1;
+  rig.mesh.cells = 5;
+  rig.mesh.pattern = GridPattern::alternating;
+  rig.noise = {75e-6, 12e-6, 3e-3, 0};
+  Trials trials;
+  for (const RigTest test : {RigTest::weft_stretch, RigTest::warp_stretch, RigTest::shear})
+    trials.push_back(prepare_mechanical(
+        make_rig_capture(folder.path() / std::string(name_of(test)), test, truth, rig), rig.mesh));
+  Fabric start = truth;
+  for (const char* row : {"weft_stretch", "warp_stretch", "shear"})
+    start.set_curve(row, StiffnessCurve(2 * truth.curve(row).stiffness(0.1)));
+  CurveFitOptions options;
+  options.shape = CurveShape::smooth;
+  const std::vector<std::string> rows{"weft_stretch", "warp_stretch", "shear"};
+  const CurveFitResult found = fit_curves(trials, start, rows, options);
+  EXPECT_EQ(found.fit.roughness.size(), 3U);
+  for (const std::string& row : rows) {
+    const StiffnessCurve curve = found.fit.fabric.curve(row), expected = truth.curve(row);
+    ASSERT_EQ(curve.size(), 5) << row;
+    const double end = curve.knots()[4];
+    for (const double share : {0.05, 0.3, 0.5})  // little of the cloth is sheared by more
+      EXPECT_NEAR(curve.stiffness(share * end) / expected.stiffness(share * end), 1, 0.03)
+          << row << " " << share;
+  }
+}
+
 // A limp fabric that is sheared folds by how it bends: its shear would take control points for
 // bends that are wrong.
 TEST(FitCurves, RoughBendsComeBeforeWhatFolds) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
 #include "common/gradient_check.h"
 #include "weft/base/error.h"
@@ -65,6 +66,112 @@ TEST(WeighedPriors, OfACurveIsThatOfItsMean) {
   const VecX equal = VecX::Constant(3, x), spread = equal + Vec3(0.1, -0.3, 0.2);
   EXPECT_NEAR(three.cost(equal), one.cost(VecX::Constant(1, x)), 1e-12);
   EXPECT_NEAR(three.cost(spread), three.cost(equal), 1e-12);
+}
+
+/// A shear curve over `knots` with the scaled coordinates of its values.
+std::function<Fabric(const VecX&)> shear_over(const VecX& knots) {
+  return [knots](const VecX& scaled) {
+    Fabric fabric = Fabric::with_defaults("test", "soft-constraints");
+    const ParameterInfo info = fabric.info(fabric.value_index("shear"));
+    VecX values(scaled.size());
+    for (Eigen::Index i = 0; i < scaled.size(); ++i) values[i] = from_scaled(info, scaled[i]);
+    fabric.set_curve("shear", {knots, values});
+    return fabric;
+  };
+}
+VecX scaled_shear(const VecX& logarithms) {
+  const Fabric fabric = Fabric::with_defaults("test", "soft-constraints");
+  const ParameterInfo info = fabric.info(fabric.value_index("shear"));
+  return logarithms.unaryExpr([&](double t) { return to_scaled(info, std::exp(t)); });
+}
+WeighedPriors smooth_shear(const VecX& knots, double weight) {
+  WeighedPriors priors({}, static_cast<int>(knots.size()), shear_over(knots), weight);
+  priors.add_smooth_curve("shear", shear_over(knots), static_cast<int>(knots.size()));
+  return priors;
+}
+
+TEST(SmoothCurve, IsTheIntegralOfSquaredBends) {
+  const VecX knots = (VecX(5) << 0.1, 0.14, 0.2, 0.23, 0.3).finished();
+  const double weight = 0.3;
+  WeighedPriors priors = smooth_shear(knots, weight);
+  ASSERT_TRUE(priors.has_smooth_curves());
+  EXPECT_EQ(priors.weight(), weight);
+  const VecX u = (knots.array() - 0.1) / 0.2;
+  // An exponential is free; log k = a u^2 bends by 2 a everywhere, over half of the outer
+  // intervals less than all.
+  EXPECT_NEAR(priors.cost(scaled_shear(3 + 0.7 * u.array())), 0, 1e-20);
+  const double a = 0.4, length = 1 - 0.5 * (u[1] - u[0]) - 0.5 * (u[4] - u[3]);
+  const VecX square = scaled_shear(3 + a * u.array().square());
+  EXPECT_NEAR(priors.cost(square), weight * 0.5 * length * 4 * a * a, 1e-12);
+  priors.roughen_by({{"shear", 2}, {"warp_stretch", 5}});
+  EXPECT_EQ(priors.roughness(), (WeighedPriors::Roughness{{"shear", 2}}));
+  EXPECT_NEAR(priors.cost(square), weight * 0.5 * length * a * a, 1e-12);
+
+  const VecX x = scaled_shear((VecX(5) << 3, 3.3, 3.1, 2.8, 3.4).finished());
+  const auto gradient = [&](const VecX& at) { return VecX(priors.term(at, 5).gradient); };
+  EXPECT_TRUE(testing::near(
+      gradient(x),
+      testing::numeric_gradient([&](const VecX& at) { return priors.cost(at); }, x, 1e-2)));
+  for (int i = 0; i < 5; ++i)
+    EXPECT_TRUE(testing::near(VecX(priors.term(x, 5).hessian.col(i)),
+                              testing::derivative(gradient, x, VecX::Unit(5, i), 1e-2)));
+}
+
+TEST(SmoothCurve, OfTwoValuesOrOfOthersHasNoEffect) {
+  const Vec2 two(0, 0.2);
+  EXPECT_FALSE(smooth_shear(two, 1).has_smooth_curves());
+  WeighedPriors others({}, 2, stretch_and_shear, 1);
+  others.add_smooth_curve("warp_stretch", stretch_and_shear, 2);
+  EXPECT_TRUE(others.empty());
+  EXPECT_THROW(others.add_smooth_curve("stretch", stretch_and_shear, 2), Error);
+}
+
+// Values of log k that were read with noise sigma, as many as control points: their bends D y are
+// normal with covariance sigma^2 D D^T + r^2, of which the most probable r can be told without any
+// search for the values.
+TEST(SmoothCurve, IsAsRoughAsIsMostProbable) {
+  const VecX knots = VecX::LinSpaced(6, 0, 0.3);
+  const double sigma = 0.05, weight = 0.02, spacing = 0.2;
+  MatX bends = MatX::Zero(4, 6);
+  for (int i = 0; i < 4; ++i) bends.row(i).segment<3>(i) << 1, -2, 1;
+  bends /= std::pow(spacing, 1.5);
+  const WeighedPriors priors = smooth_shear(knots, weight);
+  const Fabric fabric = Fabric::with_defaults("test", "soft-constraints");
+  const ParameterInfo info = fabric.info(fabric.value_index("shear"));
+  const double range = std::log(info.upper / info.lower);  // of log k, by the scaled coordinate
+  Rng rng(3);
+  int inside = 0;
+  for (int k = 0; k < 20; ++k) {
+    VecX y(6);
+    for (int i = 0; i < 6; ++i) {
+      const double u = spacing * i;
+      y[i] = 3 + 0.3 * k * u * u + sigma * rng.normal();
+    }
+    const MatX noise = sigma * sigma * bends * bends.transpose();
+    const auto log_density = [&](double r) {
+      const MatX covariance = noise + r * r * MatX::Identity(4, 4);
+      const VecX d = bends * y;
+      return -0.5 * d.dot(covariance.ldlt().solve(d)) - 0.5 * std::log(covariance.determinant()) -
+             0.5 * std::pow(std::log(r) / std::log(2.5), 2);
+    };
+    double best = -kInfinity, expected = 0;
+    for (int step = 0; step <= 40; ++step) {
+      const double r = std::pow(10, -2 + 0.1 * step);
+      if (log_density(r) > best + 1e-9) {
+        best = log_density(r);
+        expected = r;
+      }
+    }
+    // The cost of the reading about a point beside it.
+    const VecX x = scaled_shear(VecX::Constant(6, 3.2)), off = x - scaled_shear(y);
+    const double precision = weight * range * range / (sigma * sigma);
+    const QuadraticModel data{0.5 * precision * off.squaredNorm(), precision * off,
+                              precision * MatX::Identity(6, 6)};
+    const double found = priors.most_probable_roughness(x, data).at("shear");
+    EXPECT_NEAR(found, expected, 1e-9 * expected) << k;
+    if (expected > 0.02 && expected < 50) ++inside;
+  }
+  EXPECT_EQ(inside, 20);
 }
 
 /// A strip between two clips, pulled along its weft by 1 to 5 %, whose `forces` were read at the

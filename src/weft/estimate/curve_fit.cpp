@@ -23,7 +23,8 @@ namespace {
 /// Of the start, where that has no equilibrium.
 constexpr std::array<double, 5> kFactors{1, 10, 0.1, 100, 0.01};
 constexpr double kNoWeight = 1e-9;  // of a control value in a band
-constexpr double kBeyond = 1.1;     // of a curve's last knot: strains beyond it count
+constexpr double kDampingOfSmooth = 1e-6;
+constexpr double kBeyond = 1.1;  // of a curve's last knot: strains beyond it count
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 using Tests = std::vector<IsolatedStrain>;
@@ -96,6 +97,9 @@ void check(const CurveFitOptions& options) {
   if (options.most_points < 1 || options.most_points > StiffnessCurve::kMostKnots)
     throw Error(fmt::format("control points of a curve: {}, must be in [1, {}]",
                             options.most_points, StiffnessCurve::kMostKnots));
+  if (options.shape == CurveShape::smooth && options.most_points < 3)
+    throw Error(fmt::format("control points of a smooth curve: {}, must be in [3, {}]",
+                            options.most_points, StiffnessCurve::kMostKnots));
   if (!(options.least_reduction >= 0 && options.least_reduction < 1))
     throw Error(fmt::format("least reduction by a control point is {:g}, must be in [0, 1)",
                             options.least_reduction));
@@ -107,6 +111,7 @@ void check(const CurveFitOptions& options) {
 struct Weights {
   ForceWeights forces;
   double priors = 0;  ///< 0: as a problem begins
+  WeighedPriors::Roughness roughness{};
 };
 
 class CurveFitter {
@@ -264,14 +269,18 @@ class CurveFitter {
     const StepInfo* step = step_of(group.rows.front());
     return step && step->step == Step::diagonal;
   }
+  bool is_smooth(const Group& group) const {
+    return options_.shape == CurveShape::smooth &&
+           (options_.order == FitOrder::joint || !bends(group));
+  }
   static bool bends(const Group& group) {
     const StepInfo* step = step_of(group.rows.front());
     return step && step->step >= Step::weft_bend;
   }
   /// Those along the clips are of the shear alone.
   MechanicalForces forces_of(const Group& group) const {
-    return is_shear(group) && longer_.empty() ? MechanicalForces::along_clips
-                                              : MechanicalForces::all;
+    const bool all = !is_shear(group) || !longer_.empty() || options_.shape == CurveShape::smooth;
+    return all ? MechanicalForces::all : MechanicalForces::along_clips;
   }
 
   std::vector<Group> groups() const {
@@ -320,15 +329,19 @@ class CurveFitter {
   }
 
   static Weights weights_of(const MechanicalFitResult& fit) {
-    return {fit.weights, fit.prior_weight};
+    return {fit.weights, fit.prior_weight, fit.roughness};
   }
-  /// What a fit minimized, at its end.
-  static double minimized(const MechanicalFitResult& fit) { return fit.cost + fit.prior_error; }
+  /// What a fit minimized, at its end; of smooth curves without what that adds, which depends on
+  /// where their knots are.
+  double minimized(const MechanicalFitResult& fit) const {
+    return options_.shape == CurveShape::smooth ? fit.cost : fit.cost + fit.prior_error;
+  }
 
   MechanicalProblem problem(const Group& group, const Fabric& fabric,
                             const Weights& weights = {}) const {
     MechanicalCostOptions cost = options_.cost;
     cost.forces = forces_of(group);
+    if (is_smooth(group)) cost.smooth = searched_rows(group);
     const std::vector<std::string> searched = searched_rows(group);
     for (const ParameterTie& tie : tied_) {
       if (std::find(searched.begin(), searched.end(), tie.leader) == searched.end()) continue;
@@ -342,6 +355,8 @@ class CurveFitter {
     MechanicalProblem result(group.trials, fabric, names(group, fabric), cost, options_.threads);
     result.weigh_by(weights.forces);
     if (weights.priors > 0) result.weigh_priors(weights.priors);
+    result.roughen_by(roughness_);
+    result.roughen_by(weights.roughness);
     result.keep_in(options_.store);
     return result;
   }
@@ -364,6 +379,10 @@ class CurveFitter {
     const VecX scaled = p.scaled(from);
     MechanicalFitOptions options = options_.fit;
     options.mesh_error = MeshError::left_out;  // on the way
+    // What bends a smooth curve is little beside what makes it stiffer; it is found from near.
+    if (p.priors().has_smooth_curves())
+      options.least_squares.initial_damping =
+          std::min(options.least_squares.initial_damping, kDampingOfSmooth);
     for (std::size_t k = 0;; ++k) {
       const double factor = kFactors[k];
       VecX x = scaled;
@@ -411,6 +430,7 @@ class CurveFitter {
     }
     result_.fit.evaluations += found.evaluations;
     result_.fit.replayed += found.replayed;
+    for (const auto& [row, roughness] : found.roughness) roughness_[row] = roughness;
     return found;
   }
 
@@ -453,10 +473,13 @@ class CurveFitter {
     }
     fabric_ = found.fabric;
     weights_[group.name] = weights_of(found);
-    if (pass > 1 || options_.shape != CurveShape::subdivided || stopped_) return;
+    const bool curves =
+        options_.shape == CurveShape::subdivided || options_.shape == CurveShape::smooth;
+    if (pass > 1 || !curves || stopped_) return;
     Kept kept = at_last_stage(std::move(found));
     if (is_shear(group)) kept = fit_longer_stretch(group, std::move(kept), shapes);
-    kept = subdivide(group, std::move(kept), shapes);
+    kept = is_smooth(group) ? smoothed(group, std::move(kept), shapes)
+                            : subdivide(group, std::move(kept), shapes);
     weights_[group.name] = weights_of(kept.fit);
     first_pass_.emplace(group.name, std::move(kept.fit));
   }
@@ -614,12 +637,27 @@ class CurveFitter {
     return kept;
   }
 
+  /// As smooth curves where they pay.
+  Kept smoothed(const Group& group, Kept kept, Shapes& shapes) {
+    Fabric finer = fabric_;
+    if (stopped_ || !place_points(group, options_.most_points, shapes.here, finer)) return kept;
+    Kept found = at_last_stage(
+        stage(group, finer, 1, options_.most_points, shapes.here, weights_of(kept.fit)));
+    result_.stages[found.stage].kept =
+        pays(group, minimized(kept.fit), found.fit.cost_first, found.fit) &&
+        pays_on_finer_cells(group, kept, found, shapes);
+    if (!result_.stages[found.stage].kept) return kept;
+    fabric_ = found.fit.fabric;
+    return found;
+  }
+
   /// With the weights of `fit`, and what priors add.
   double cost_of(const Group& group, const Fabric& fabric, const MechanicalFitResult& fit) {
     const MechanicalProblem p = problem(group, fabric, weights_of(fit));
     const Replays replays(p);
     const VecX scaled = p.scaled(fabric);
-    const double cost = p.cost(scaled) + p.priors().cost(scaled);
+    const double cost =
+        p.cost(scaled) + (options_.shape == CurveShape::smooth ? 0 : p.priors().cost(scaled));
     ++result_.fit.evaluations;
     result_.fit.replayed += replays.since();
     return cost;
@@ -766,6 +804,7 @@ class CurveFitter {
   std::set<std::string, std::less<>> begun_;                            ///< groups, before a pass
   std::map<std::string, MechanicalFitResult, std::less<>> first_pass_;  ///< by group
   std::map<std::string, Weights, std::less<>> weights_;  ///< by group, of its last fit
+  WeighedPriors::Roughness roughness_;                   ///< of the last fit of each curve
   bool stopped_ = false;
 };
 

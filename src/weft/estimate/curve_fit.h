@@ -28,9 +28,14 @@ enum class FitOrder {
 FitOrder fit_order_from_name(std::string_view name);
 
 enum class CurveShape {
-  as_given,   ///< the control points of the start
-  linear,     ///< one control point each: the curves of the start at the middle of their knots
-  subdivided  ///< from one control point to as many as pay
+  as_given,    ///< the control points of the start
+  linear,      ///< one control point each: the curves of the start at the middle of their knots
+  subdivided,  ///< from one control point to as many as pay
+  /// Where a curve pays, `most_points` of them, of a curve that is as rough as is most probable
+  /// (WeighedPriors::add_smooth_curve()). In the incremental order of stretch and shear, while
+  /// bends, whose tests follow the cells more than noise, are subdivided; and shear is found from
+  /// all components of its forces.
+  smooth
 };
 enum class ThreadSymmetry {
   orthotropic,

@@ -103,6 +103,10 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
   priors_ = WeighedPriors(
       options.priors, dimension(), [&](const VecX& x) { return this->fabric(x); },
       residual_noise(*this));
+  for (const std::string& row : options.smooth)
+    priors_.add_smooth_curve(
+        row, [&](const VecX& x) { return this->fabric(x); }, dimension());
+  if (!options.smooth.empty()) priors_.weigh(residual_noise(*this));
 }
 
 void MechanicalProblem::add_friction(std::size_t t) {
@@ -979,6 +983,7 @@ class FitSearch {
     result_.force_share = problem_.force_share();
     // Far from the estimate clips would move for what is wrong with the fabric.
     if (problem_.weights().empty()) weigh(from, MechanicalProblem::ClipPlaces::as_weighed);
+    if (problem_.priors().has_smooth_curves()) weigh_priors(from);
     std::string reason;
     result_.cost_start = problem_.cost(from, &reason, &shapes_);
     if (!std::isfinite(result_.cost_start))
@@ -994,20 +999,33 @@ class FitSearch {
     ForceWeights weights = problem_.force_weights(x, &shapes_, places);
     if (weights.empty()) return false;
     problem_.weigh_by(std::move(weights));
+    linearized_at_.resize(0);
     return true;
   }
 
-  /// By the dispersion of the residuals at `x`. False where that is as it was, or not known.
+  const MechanicalProblem::Linearization& linearized(const VecX& x) {
+    if (linearized_at_.size() == 0 || linearized_at_ != x) {
+      linearized_ = problem_.linearize(x, &shapes_);
+      linearized_at_ = x;
+    }
+    return linearized_;
+  }
+
+  /// By the dispersion of the residuals at `x`, and curves as rough as is most probable there.
+  /// False where both are as they were, or not known.
   bool weigh_priors(const VecX& x) {
     if (problem_.priors().empty()) return false;
-    const MechanicalProblem::Linearization found = problem_.linearize(x, &shapes_);
+    const MechanicalProblem::Linearization& found = linearized(x);
     if (!std::isfinite(found.model.cost)) return false;
     const double weight =
         residual_dispersion(found.parts, found.model.cost, problem_.residual_count());
     const double change = weight / problem_.priors().weight();
-    if (std::max(change, 1 / change) < kSameWeight) return false;
-    problem_.weigh_priors(weight);
-    return true;
+    const bool same = std::max(change, 1 / change) < kSameWeight;
+    if (!same) problem_.weigh_priors(weight);
+    if (!problem_.priors().has_smooth_curves()) return !same;
+    const WeighedPriors::Roughness before = problem_.priors().roughness();
+    problem_.roughen_by(problem_.priors().most_probable_roughness(x, found.model));
+    return !same || problem_.priors().roughness() != before;
   }
 
   LeastSquaresResult search_all(const VecX& from) {
@@ -1022,6 +1040,7 @@ class FitSearch {
           problem_.cost(found.x, nullptr, &shapes_) + problem_.priors().cost(found.x);
       if (!std::isfinite(before)) {
         problem_ = held;
+        linearized_at_.resize(0);
         break;
       }
       found = search(found.x, before);
@@ -1039,7 +1058,7 @@ class FitSearch {
       if (tried_at.size() > 0 && tried_at == x) shapes_ = tried;
       QuadraticModel model;
       count([&] {
-        model = problem_.linearize(x, &shapes_).model;
+        model = linearized(x).model;
         problem_.priors().add_to(x, model);
         return model.cost;
       });
@@ -1078,6 +1097,7 @@ class FitSearch {
     result_.fabric = problem_.fabric(found.x);
     result_.prior_weight = problem_.priors().weight();
     result_.prior_error = problem_.priors().cost(found.x);
+    result_.roughness = problem_.priors().roughness();
     result_.cost = found.cost - result_.prior_error;
     result_.end = found.end == LeastSquaresEnd::stopped && !stopped_
                       ? LeastSquaresEnd::small_reduction
@@ -1102,6 +1122,9 @@ class FitSearch {
   const MechanicalFitObserver& observer_;
   MechanicalShapes* near_;   ///< where to leave the shapes of the end; may be null
   MechanicalShapes shapes_;  ///< of the last linearization
+  /// With the weights that the problem has; of no point where that is empty.
+  MechanicalProblem::Linearization linearized_;
+  VecX linearized_at_;
   MechanicalFitResult result_;
   double best_ = kInfinity;
   bool stopped_ = false;
@@ -1180,6 +1203,7 @@ MechanicalFitResult assess_mechanical(const MechanicalProblem& problem, const Fa
         residual_dispersion(found.parts, found.model.cost, problem.residual_count()));
   result.prior_weight = weighed.priors().weight();
   result.prior_error = weighed.priors().cost(x);
+  result.roughness = weighed.priors().roughness();
   result.cost_start = result.cost = found.model.cost;
   result.cost_first = result.cost + result.prior_error;
   result.evaluations = 1;

@@ -77,6 +77,9 @@ struct MechanicalCostOptions {
   double largest_residual = 1e-5;
   /// Of rows of the fabric; those that are not free have no effect.
   std::vector<ParameterPrior> priors{};
+  /// Rows of which the curves are smooth unless the data say otherwise
+  /// (WeighedPriors::add_smooth_curve()).
+  std::vector<std::string> smooth{};
 };
 
 /// Equilibria of an evaluation, for others to start from; none at first. Where the evaluation was
@@ -142,6 +145,7 @@ class MechanicalProblem {
   /// Weighed as if residuals scattered as stated, until weigh_priors() says otherwise.
   const WeighedPriors& priors() const { return priors_; }
   void weigh_priors(double weight) { priors_.weigh(weight); }
+  void roughen_by(const WeighedPriors::Roughness& roughness) { priors_.roughen_by(roughness); }
 
   /// Whether a capture of which forces are compared states a noise of its clips.
   bool has_clip_noise() const;
@@ -312,9 +316,10 @@ struct MechanicalFitResult {
   /// Where the weights of the beginning led, with these; with what priors add. The cost without a
   /// noise of clips and without priors.
   double cost_first = 0;
-  double prior_weight = 0;      ///< of the end; 0 without priors
-  double prior_error = 0;       ///< what they add to the cost there
-  double force_share = 1;       ///< MechanicalProblem::force_share()
+  double prior_weight = 0;             ///< of the end; 0 without priors
+  double prior_error = 0;              ///< what they add to the cost there
+  WeighedPriors::Roughness roughness;  ///< of the smooth curves
+  double force_share = 1;              ///< MechanicalProblem::force_share()
   double residual_count = 0;    ///< numbers that are compared: the cost times it is their sum
   ForceWeights weights;         ///< of the end
   std::size_t evaluations = 0;  ///< of all frames, with or without derivatives
