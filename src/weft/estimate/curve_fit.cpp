@@ -22,9 +22,9 @@ namespace {
 
 /// Of the start, where that has no equilibrium.
 constexpr std::array<double, 5> kFactors{1, 10, 0.1, 100, 0.01};
-constexpr double kNoWeight = 1e-9;  // of a control value in a band
-constexpr double kDampingOfSmooth = 1e-6;
-constexpr double kBeyond = 1.1;  // of a curve's last knot: strains beyond it count
+constexpr double kNoWeight = 1e-9;         // of a control value in a band
+constexpr double kDampingOfSmooth = 1e-6;  // at most, to begin with
+constexpr double kBeyond = 1.1;            // of a curve's last knot: strains beyond it count
 
 using Trials = std::vector<std::shared_ptr<const MechanicalTrial>>;
 using Tests = std::vector<IsolatedStrain>;
@@ -111,7 +111,7 @@ void check(const CurveFitOptions& options) {
 struct Weights {
   ForceWeights forces;
   double priors = 0;  ///< 0: as a problem begins
-  WeighedPriors::Roughness roughness{};
+  WeighedPriors::Roughness roughness;
 };
 
 class CurveFitter {
@@ -269,6 +269,7 @@ class CurveFitter {
     const StepInfo* step = step_of(group.rows.front());
     return step && step->step == Step::diagonal;
   }
+  /// Whether its curves are found smooth.
   bool is_smooth(const Group& group) const {
     return options_.shape == CurveShape::smooth &&
            (options_.order == FitOrder::joint || !bends(group));

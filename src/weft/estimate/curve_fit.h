@@ -46,7 +46,7 @@ struct CurveFitOptions {
   FitOrder order = FitOrder::incremental;
   CurveShape shape = CurveShape::as_given;
   ThreadSymmetry symmetry = ThreadSymmetry::orthotropic;
-  int most_points = 5;  ///< control points of a subdivided curve, 1 to 8
+  int most_points = 5;  ///< control points of a subdivided curve, 1 to 8, of a smooth one 3 to 8
   /// Of the cost, that one more control point must bring, [0, 1), where points are compared beside
   /// forces of the forces' part of it (MechanicalProblem::force_share()); of n residuals it must
   /// also lower their sum of squares by ln n (Schwarz's criterion): less is noise. Where

@@ -106,7 +106,6 @@ MechanicalProblem::MechanicalProblem(std::vector<std::shared_ptr<const Mechanica
   for (const std::string& row : options.smooth)
     priors_.add_smooth_curve(
         row, [&](const VecX& x) { return this->fabric(x); }, dimension());
-  if (!options.smooth.empty()) priors_.weigh(residual_noise(*this));
 }
 
 void MechanicalProblem::add_friction(std::size_t t) {
