@@ -51,23 +51,6 @@ TEST(WeighedPriors, AreSquaresInUnitsOfTheirFactors) {
   EXPECT_THROW(WeighedPriors({{"stretch", 1, 2}}, 2, stretch_and_shear, 0.1), Error);
 }
 
-// A curve has the prior of its mean: as many control points as it may have pull no more than one.
-TEST(WeighedPriors, OfACurveIsThatOfItsMean) {
-  const auto curve = [](const VecX& scaled) {
-    Fabric fabric = Fabric::with_defaults("test", "soft-constraints");
-    const ParameterInfo info = fabric.info(fabric.value_index("shear"));
-    VecX values(scaled.size());
-    for (Eigen::Index i = 0; i < scaled.size(); ++i) values[i] = from_scaled(info, scaled[i]);
-    fabric.set_curve("shear", {VecX::LinSpaced(scaled.size(), 0, 1), values});
-    return fabric;
-  };
-  const WeighedPriors one({{"shear", 20, 2}}, 1, curve, 1), three({{"shear", 20, 2}}, 3, curve, 1);
-  const double x = scaled_of(300, 55)[1];
-  const VecX equal = VecX::Constant(3, x), spread = equal + Vec3(0.1, -0.3, 0.2);
-  EXPECT_NEAR(three.cost(equal), one.cost(VecX::Constant(1, x)), 1e-12);
-  EXPECT_NEAR(three.cost(spread), three.cost(equal), 1e-12);
-}
-
 /// A shear curve over `knots` with the scaled coordinates of its values.
 std::function<Fabric(const VecX&)> shear_over(const VecX& knots) {
   return [knots](const VecX& scaled) {
@@ -79,6 +62,19 @@ std::function<Fabric(const VecX&)> shear_over(const VecX& knots) {
     return fabric;
   };
 }
+
+// A curve has the prior of its mean: as many control points as it may have pull no more than one.
+TEST(WeighedPriors, OfACurveIsThatOfItsMean) {
+  const auto prior_of = [](int values) {
+    return WeighedPriors({{"shear", 20, 2}}, values, shear_over(VecX::LinSpaced(values, 0, 1)), 1);
+  };
+  const WeighedPriors one = prior_of(1), three = prior_of(3);
+  const double x = scaled_of(300, 55)[1];
+  const VecX equal = VecX::Constant(3, x), spread = equal + Vec3(0.1, -0.3, 0.2);
+  EXPECT_NEAR(three.cost(equal), one.cost(VecX::Constant(1, x)), 1e-12);
+  EXPECT_NEAR(three.cost(spread), three.cost(equal), 1e-12);
+}
+
 VecX scaled_shear(const VecX& logarithms) {
   const Fabric fabric = Fabric::with_defaults("test", "soft-constraints");
   const ParameterInfo info = fabric.info(fabric.value_index("shear"));

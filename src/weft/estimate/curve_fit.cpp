@@ -342,8 +342,8 @@ class CurveFitter {
                             const Weights& weights = {}) const {
     MechanicalCostOptions cost = options_.cost;
     cost.forces = forces_of(group);
-    if (is_smooth(group)) cost.smooth = searched_rows(group);
     const std::vector<std::string> searched = searched_rows(group);
+    if (is_smooth(group)) cost.smooth = searched;
     for (const ParameterTie& tie : tied_) {
       if (std::find(searched.begin(), searched.end(), tie.leader) == searched.end()) continue;
       const auto all = value_names(fabric, tie.leader), leaders = names(group, tie.leader, fabric),
@@ -479,8 +479,7 @@ class CurveFitter {
     if (pass > 1 || !curves || stopped_) return;
     Kept kept = at_last_stage(std::move(found));
     if (is_shear(group)) kept = fit_longer_stretch(group, std::move(kept), shapes);
-    kept = is_smooth(group) ? smoothed(group, std::move(kept), shapes)
-                            : subdivide(group, std::move(kept), shapes);
+    kept = subdivide(group, std::move(kept), shapes);
     weights_[group.name] = weights_of(kept.fit);
     first_pass_.emplace(group.name, std::move(kept.fit));
   }
@@ -621,10 +620,12 @@ class CurveFitter {
         .mean();
   }
 
-  /// One more control point each, as long as it pays: with the weights of the fit without it, for
-  /// costs of different weights say nothing of each other. Returns the last that did.
+  /// One more control point each, of smooth curves all at once, as long as it pays: with the
+  /// weights of the fit without it, for costs of different weights say nothing of each other.
+  /// Returns the last that did.
   Kept subdivide(const Group& group, Kept kept, Shapes& shapes) {
-    for (int points = 2; points <= options_.most_points && !stopped_; ++points) {
+    const int first = is_smooth(group) ? options_.most_points : 2;
+    for (int points = first; points <= options_.most_points && !stopped_; ++points) {
       Fabric finer = fabric_;
       if (!place_points(group, points, shapes.here, finer)) break;
       Kept found = at_last_stage(stage(group, finer, 1, points, shapes.here, weights_of(kept.fit)));
@@ -638,21 +639,7 @@ class CurveFitter {
     return kept;
   }
 
-  /// As smooth curves where they pay.
-  Kept smoothed(const Group& group, Kept kept, Shapes& shapes) {
-    Fabric finer = fabric_;
-    if (stopped_ || !place_points(group, options_.most_points, shapes.here, finer)) return kept;
-    Kept found = at_last_stage(
-        stage(group, finer, 1, options_.most_points, shapes.here, weights_of(kept.fit)));
-    result_.stages[found.stage].kept =
-        pays(group, minimized(kept.fit), found.fit.cost_first, found.fit) &&
-        pays_on_finer_cells(group, kept, found, shapes);
-    if (!result_.stages[found.stage].kept) return kept;
-    fabric_ = found.fit.fabric;
-    return found;
-  }
-
-  /// With the weights of `fit`, and what priors add.
+  /// With the weights of `fit`, as minimized() is of one.
   double cost_of(const Group& group, const Fabric& fabric, const MechanicalFitResult& fit) {
     const MechanicalProblem p = problem(group, fabric, weights_of(fit));
     const Replays replays(p);
