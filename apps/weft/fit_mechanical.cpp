@@ -47,8 +47,7 @@ std::vector<std::string> free_rows(const MechanicalFitArguments& arguments, cons
     return !model_parameters(fabric.model)[index].curve_over.empty();
   };
   const CurveShape shape = arguments.curves->shape;
-  const bool curves = shape == CurveShape::subdivided || shape == CurveShape::smooth;
-  if (curves && std::ranges::none_of(rows, may_be_curve))
+  if (finds_curves(shape) && std::ranges::none_of(rows, may_be_curve))
     throw Error(
         fmt::format("{}: no parameter of model \"{}\" that is searched may be a "
                     "curve; of stvk-diagonal stretch, shear and bend may",

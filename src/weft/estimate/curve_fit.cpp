@@ -474,9 +474,7 @@ class CurveFitter {
     }
     fabric_ = found.fabric;
     weights_[group.name] = weights_of(found);
-    const bool curves =
-        options_.shape == CurveShape::subdivided || options_.shape == CurveShape::smooth;
-    if (pass > 1 || !curves || stopped_) return;
+    if (pass > 1 || !finds_curves(options_.shape) || stopped_) return;
     Kept kept = at_last_stage(std::move(found));
     if (is_shear(group)) kept = fit_longer_stretch(group, std::move(kept), shapes);
     kept = subdivide(group, std::move(kept), shapes);

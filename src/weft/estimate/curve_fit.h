@@ -37,6 +37,10 @@ enum class CurveShape {
   /// all components of its forces.
   smooth
 };
+/// Whether curves are found that the start does not have.
+constexpr bool finds_curves(CurveShape shape) {
+  return shape == CurveShape::subdivided || shape == CurveShape::smooth;
+}
 enum class ThreadSymmetry {
   orthotropic,
   isotropic  ///< warp has the values of weft, in stretch and bend
