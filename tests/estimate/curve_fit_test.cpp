@@ -228,6 +228,9 @@ TEST(FitCurves, SmoothCurvesDoNotFollowTheNoise) {
   const std::vector<std::string> rows{"weft_stretch", "warp_stretch", "shear"};
   const CurveFitResult found = fit_curves(trials, start, rows, options);
   EXPECT_EQ(found.fit.roughness.size(), 3U);
+  // Each near its own first, then all from all tests.
+  EXPECT_EQ(found.stages.back().name, "in_plane, 5 points");
+  EXPECT_EQ(found.stages.back().captures.size(), 3U);
   for (const std::string& row : rows) {
     const StiffnessCurve curve = found.fit.fabric.curve(row), expected = truth.curve(row);
     ASSERT_EQ(curve.size(), 5) << row;

@@ -246,6 +246,8 @@ class CurveFitter {
 
   // Groups.
 
+  static constexpr std::string_view kAll = "all", kInPlane = "in_plane";
+
   Trials trials_for(const std::string& row) const {
     const StepInfo* step = step_of(row);
     Trials found;
@@ -262,7 +264,19 @@ class CurveFitter {
     return found;
   }
 
-  Group everything() const { return {"all", rows_, trials_, Cells::all}; }
+  Group everything() const { return {std::string(kAll), rows_, trials_, Cells::all}; }
+  /// Stretch and shear from the tests of both.
+  static Group in_plane(const std::vector<Group>& groups) {
+    Group all{std::string(kInPlane), {}, {}, Cells::all};
+    for (const Group& group : groups) {
+      if (bends(group)) continue;
+      for (const std::string& row : group.rows)
+        if (std::ranges::find(all.rows, row) == all.rows.end()) all.rows.push_back(row);
+      for (const auto& trial : group.trials)
+        if (std::ranges::find(all.trials, trial) == all.trials.end()) all.trials.push_back(trial);
+    }
+    return all;
+  }
   static bool is_shear(const Group& group) { return group.name == "shear"; }
   /// Rows of the models that have no incremental order belong to no step.
   static bool is_diagonal(const Group& group) {
@@ -282,6 +296,16 @@ class CurveFitter {
   MechanicalForces forces_of(const Group& group) const {
     const bool all = !is_shear(group) || !longer_.empty() || options_.shape == CurveShape::smooth;
     return all ? MechanicalForces::all : MechanicalForces::along_clips;
+  }
+
+  /// Of a pass: smooth curves in the plane are found together once each is near its own.
+  std::vector<Group> groups_of(int pass) const {
+    std::vector<Group> result = groups();
+    if (pass == 1 || options_.shape != CurveShape::smooth) return result;
+    const Group together = in_plane(result);
+    std::erase_if(result, [](const Group& group) { return !bends(group); });
+    if (!together.rows.empty()) result.insert(result.begin(), together);
+    return result;
   }
 
   std::vector<Group> groups() const {
@@ -309,7 +333,7 @@ class CurveFitter {
   std::vector<std::string> names(const Group& group, const std::string& row,
                                  const Fabric& fabric) const {
     std::vector<std::string> all = value_names(fabric, row);
-    if (group.name == "all" || !is_longer(row)) return all;
+    if (group.name == kAll || group.name == kInPlane || !is_longer(row)) return all;
     if (is_shear(group)) return {all.back()};
     all.pop_back();
     return all;
@@ -458,6 +482,26 @@ class CurveFitter {
     }
   }
 
+  /// Of its last fit; of what lies in the plane, of those of its parts, none where one has none.
+  Weights weights_before(const Group& group) const {
+    if (const auto known = weights_.find(group.name); known != weights_.end()) return known->second;
+    if (group.name != kInPlane) return {};
+    std::map<const MechanicalTrial*, std::vector<PoseErrors>> of_trials;
+    for (const Group& part : groups()) {
+      const auto known = weights_.find(part.name);
+      if (known == weights_.end() || known->second.forces.empty()) continue;
+      for (std::size_t t = 0; t < part.trials.size(); ++t)
+        of_trials[part.trials[t].get()] = known->second.forces[t];
+    }
+    Weights weights;
+    for (const auto& trial : group.trials) {
+      const auto known = of_trials.find(trial.get());
+      if (known == of_trials.end()) return {};
+      weights.forces.push_back(known->second);
+    }
+    return weights;
+  }
+
   void fit_group(const Group& group, int pass) {
     const int points = most_points_of(group);
     const Fabric before = fabric_;
@@ -466,7 +510,7 @@ class CurveFitter {
     if (stopped_) return;
     Shapes shapes(group);
     MechanicalFitResult found =
-        stage(group, fabric_, pass, points, shapes.here, weights_[group.name]);
+        stage(group, fabric_, pass, points, shapes.here, weights_before(group));
     if (options_.order == FitOrder::incremental && points == 1 && left_at_start(group, found)) {
       result_.stages.back().kept = false;
       fabric_ = before;
@@ -770,7 +814,7 @@ class CurveFitter {
   void incremental() {
     begin_with_bends();
     for (int pass = 1; pass <= options_.passes; ++pass)
-      for (const Group& group : groups()) {
+      for (const Group& group : groups_of(pass)) {
         if (stopped_) continue;
         if (is_diagonal(group) && pass == 1) follow_other_bends(group.rows);
         fit_group(group, pass);

@@ -32,9 +32,10 @@ enum class CurveShape {
   linear,      ///< one control point each: the curves of the start at the middle of their knots
   subdivided,  ///< from one control point to as many as pay
   /// Where a curve pays, `most_points` of them, of a curve that is as rough as is most probable
-  /// (WeighedPriors::add_smooth_curve()). In the incremental order of stretch and shear, while
-  /// bends, whose tests follow the cells more than noise, are subdivided; and shear is found from
-  /// all components of its forces.
+  /// (WeighedPriors::add_smooth_curve()), with clips where they most probably are
+  /// (MechanicalProblem::ClipPlaces). In the incremental order of stretch and shear, while bends,
+  /// whose tests follow the cells more than noise, are subdivided; shear is found from all
+  /// components of its forces, and after the first pass stretch and shear are found together.
   smooth
 };
 /// Whether curves are found that the start does not have.

@@ -183,6 +183,10 @@ bool MechanicalProblem::uses_forces(const MechanicalTrial& trial) const {
   }
 }
 
+bool MechanicalProblem::moves_clips(const MechanicalTrial& trial) const {
+  return uses_points(trial) || priors_.has_smooth_curves();
+}
+
 bool MechanicalProblem::uses_points(const MechanicalTrial& trial) const {
   if (!trial.geometry) return false;
   switch (options_.residuals) {
@@ -643,7 +647,7 @@ MechanicalProblem::PoseStep MechanicalProblem::pose_step(std::size_t t,
   differences(t, frame, MechanicalDerivatives::none, r);
   const VecX values = r.values + friction * r.ways;
   PoseStep step{moves, values.squaredNorm() + moves.squaredNorm()};
-  if (errors.none() || !uses_points(*trials_[t])) return step;
+  if (errors.none() || !moves_clips(*trials_[t])) return step;
   const VecX told = told_by_poses(groups_of(*trials_[t], frame.frame), values);
   const MatX& by_errors = errors.by_errors();
   const VecX here = moves.size() > 0 ? moves : VecX(VecX::Zero(by_errors.cols()));
@@ -826,6 +830,7 @@ std::string MechanicalProblem::fingerprint() const {
   }
   hash.add(options_.residuals);
   hash.add(options_.forces);
+  hash.add(priors_.has_smooth_curves());
   for (const double value : {options_.force_noise, options_.point_noise, options_.largest_residual})
     hash.add(value);
   for (const Friction& friction : friction_) {

@@ -253,6 +253,8 @@ class MechanicalProblem {
   MatX told_by_poses(const PointGroups& groups, const MatX& rows) const;
   void weigh(std::size_t trial, int frame, Residuals& r) const;
   bool uses_points(const MechanicalTrial& trial) const;
+  /// Whether ClipPlaces::most_probable moves those of the trial.
+  bool moves_clips(const MechanicalTrial& trial) const;
   /// From `from` where it is there, and from the measured shapes where that fails. The reason why
   /// there is no equilibrium, with no frames; empty where there is.
   std::string simulate(const VecX& scaled, MechanicalDerivatives derivatives,
