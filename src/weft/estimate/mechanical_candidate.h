@@ -7,7 +7,7 @@
 
 #include "weft/base/toml_reader.h"
 #include "weft/capture/standard_test.h"
-#include "weft/estimate/mechanical_fit.h"
+#include "weft/estimate/mechanical_problem.h"
 
 namespace weft {
 

@@ -2,7 +2,7 @@
 /// Forces and shapes at equilibrium beside videos of the same fabric, in one problem.
 #include <memory>
 
-#include "weft/estimate/mechanical_fit.h"
+#include "weft/estimate/mechanical_problem.h"
 #include "weft/estimate/problem.h"
 
 namespace weft {
