@@ -1,8 +1,9 @@
 /// Fits to captures of the computed rig, whose fabrics are known: how well the curves of the
 /// generating model come back from starts wrong by a factor of 10, how the fit predicts the tests
-/// that it did not see, the two orders of fitting beside each other, what other models and
-/// simpler variants leave as residual, the least error that the noise allows any fit, and stretch
-/// tests whose bars are moved beside such whose bar is pulled with known forces.
+/// that it did not see, the two orders of fitting beside each other, what other models and simpler
+/// variants leave as residual, the least error that the noise allows any fit (with --smooth what is
+/// to be expected of smooth curves), and stretch tests whose bars are moved beside such whose bar
+/// is pulled with known forces.
 ///
 ///     weft_validate_rig OUT [recovery] [orders] [table] [bound] [known_forces] [--fabric NAME]
 ///                       [--model NAME] [--cells N] [--truth-cells N] [--steps N] [--starts N]
@@ -323,6 +324,36 @@ MatX log_slopes(const Fabric& truth, std::string_view row, const std::vector<dou
   return slopes;
 }
 
+/// Relative errors of a curve over the strains that occur, root mean squares by area.
+struct CurveErrors {
+  double bias = 0, deviation = 0;
+  double worst = 0;  ///< largest deviation
+};
+/// To first order, of scaled control values that are off by `shift` and scatter with `covariance`.
+CurveErrors curve_errors(const Fabric& fabric, std::string_view row, const ComponentSample& sample,
+                         const VecX& shift, const MatX& covariance) {
+  const StrainRange range = strain_range(sample, kOutliers);
+  const MatX slopes = log_slopes(fabric, row, sample.strains);
+  double biases = 0, variances = 0, area = 0, most = 0;
+  for (std::size_t k = 0; k < sample.strains.size(); ++k) {
+    if (sample.strains[k] < range.lower || sample.strains[k] > range.upper) continue;
+    const auto slope = slopes.row(static_cast<Eigen::Index>(k));
+    const double bias = slope * shift, variance = slope * covariance * slope.transpose();
+    biases += sample.areas[k] * bias * bias;
+    variances += sample.areas[k] * variance;
+    area += sample.areas[k];
+    most = std::max(most, variance);
+  }
+  return {std::sqrt(biases / area), std::sqrt(variances / area), std::sqrt(most)};
+}
+
+MechanicalCostOptions cost_options(const Arguments& arguments) {
+  MechanicalCostOptions options;
+  options.cord_friction = arguments.cord_friction;
+  options.residuals = arguments.residuals;
+  return options;
+}
+
 /// The bound of Cramer and Rao: the covariance of the control values is no less than the inverse of
 /// the information in the captures, here that of the noise alone, at the truth, for one who knows
 /// where its control points are. Of each curve the root mean square of the relative standard
@@ -331,10 +362,8 @@ MatX log_slopes(const Fabric& truth, std::string_view row, const std::vector<dou
 void bound(const Arguments& arguments, const std::string& name) {
   const Fabric truth = true_fabric(name);
   const Trials trials = fit_trials(arguments, name, truth.model);
-  MechanicalCostOptions options;
-  options.cord_friction = arguments.cord_friction;
-  options.residuals = arguments.residuals;
-  MechanicalProblem problem(trials, truth, control_values(truth), options, arguments.threads);
+  MechanicalProblem problem(trials, truth, control_values(truth), cost_options(arguments),
+                            arguments.threads);
   const VecX at = problem.scaled(truth);
   problem.weigh_by(problem.force_weights(at));
   const QuadraticModel model = problem.linearize(at).model;
@@ -348,22 +377,92 @@ void bound(const Arguments& arguments, const std::string& name) {
   Eigen::Index place = 0;
   for (std::size_t row = 0; row < 5; ++row) {
     const std::string_view component = kThreadParameters[row].name;
-    const ComponentSample sample = occurring(trials, frames, truth, row);
-    const StrainRange range = strain_range(sample, kOutliers);
-    const MatX slopes = log_slopes(truth, component, sample.strains);
-    const MatX own = covariance.block(place, place, slopes.cols(), slopes.cols());
-    place += slopes.cols();
-    double squares = 0, area = 0, most = 0;
-    for (std::size_t k = 0; k < sample.strains.size(); ++k) {
-      if (sample.strains[k] < range.lower || sample.strains[k] > range.upper) continue;
-      const auto slope = slopes.row(static_cast<Eigen::Index>(k));
-      const double variance = slope * own * slope.transpose();
-      squares += sample.areas[k] * variance;
-      area += sample.areas[k];
-      most = std::max(most, variance);
-    }
+    const int points = truth.curve(component).size();
+    const CurveErrors errors =
+        curve_errors(truth, component, occurring(trials, frames, truth, row), VecX::Zero(points),
+                     covariance.block(place, place, points, points));
+    place += points;
     fmt::print("  {:<14} {} points, rms {:>6.2f} %, at the worst strain {:>6.2f} %\n", component,
-               slopes.cols(), 100 * std::sqrt(squares / area), 100 * std::sqrt(most));
+               points, 100 * errors.deviation, 100 * errors.worst);
+  }
+  std::fflush(stdout);
+}
+
+/// The truth with smooth curves of stretch and shear, as a fit places their control points.
+struct SmoothCurves {
+  Fabric fabric;
+  std::vector<std::string> rows, free;
+  std::vector<ComponentSample> samples;
+};
+constexpr std::size_t kInPlane = 3;  // components, and tests that isolate them
+constexpr int kSmoothPoints = 5;
+
+SmoothCurves smooth_curves(const Fabric& truth, const Trials& trials, int threads) {
+  const auto frames = simulate_mechanical(trials, truth, MechanicalDerivatives::none, threads);
+  SmoothCurves result{truth, {}, {}, {}};
+  for (std::size_t i = 0; i < kInPlane; ++i) {
+    const std::string row(kThreadParameters[i].name);
+    result.samples.push_back(occurring(trials, frames, truth, i));
+    const StrainRange range = strain_range(result.samples.back());
+    VecX knots = VecX::LinSpaced(kSmoothPoints, range.lower, range.upper);
+    // Beyond its own tests, where the shear stretches it further.
+    const std::size_t shear = kInPlane - 1;
+    const double reached =
+        strain_range(component_strains(*trials[shear], frames[shear], truth, row)).upper;
+    if (i < shear && reached > 1.1 * range.upper) {
+      knots.conservativeResize(kSmoothPoints + 1);
+      knots[kSmoothPoints] = reached;
+    }
+    result.fabric.set_curve(row, truth.curve(row).resampled(knots));
+    const int first = result.fabric.first_value(row);
+    for (int k = 0; k < result.fabric.value_count(row); ++k)
+      result.free.emplace_back(result.fabric.info(first + k).name);
+    result.rows.push_back(row);
+  }
+  return result;
+}
+
+/// What smooth curves of stretch and shear, found together from their tests, are off by on average:
+/// by the prior, which draws the truth towards straight ones, and by the noise; linear about the
+/// truth's values at their control points, for curves of a given roughness each.
+void smooth_bound(const Arguments& arguments, const std::string& name) {
+  const Fabric truth = true_fabric(name);
+  Trials trials = fit_trials(arguments, name, truth.model);
+  trials.resize(kInPlane);
+  const SmoothCurves curves = smooth_curves(truth, trials, arguments.threads);
+  MechanicalCostOptions options = cost_options(arguments);
+  options.smooth = curves.rows;
+  MechanicalProblem problem(trials, curves.fabric, curves.free, options, arguments.threads);
+  const VecX at = problem.scaled(curves.fabric);
+  problem.weigh_by(problem.force_weights(at));
+  const double half = 0.5 * problem.residual_count();
+  const MatX information = half * problem.linearize(at).model.hessian;
+  WeighedPriors priors = problem.priors();
+  priors.weigh(1 / half);
+  fmt::print("\n{}: expected errors of smooth curves: by the prior and by the noise\n", name);
+  for (const double roughness : {0.5, 1.0, 2.0, 4.0}) {
+    WeighedPriors::Roughness of_rows;
+    for (const std::string& row : curves.rows) of_rows[row] = roughness;
+    priors.roughen_by(of_rows);
+    QuadraticModel prior{0, VecX::Zero(at.size()), MatX::Zero(at.size(), at.size())};
+    priors.add_to(at, prior);
+    const MatX inverse =
+        solve_symmetric(information + half * prior.hessian, MatX::Identity(at.size(), at.size()));
+    const VecX shift = -inverse * (half * prior.gradient);
+    const MatX covariance = inverse * information * inverse;
+    fmt::print("  roughness {:<4}", roughness);
+    Eigen::Index place = 0;
+    for (std::size_t i = 0; i < kInPlane; ++i) {
+      const int points = curves.fabric.value_count(curves.rows[i]);
+      const CurveErrors errors = curve_errors(curves.fabric, curves.rows[i], curves.samples[i],
+                                              shift.segment(place, points),
+                                              covariance.block(place, place, points, points));
+      place += points;
+      fmt::print("  {} {:.2f} % ({:.2f}, {:.2f})", curves.rows[i],
+                 100 * std::hypot(errors.bias, errors.deviation), 100 * errors.bias,
+                 100 * errors.deviation);
+    }
+    fmt::print("\n");
   }
   std::fflush(stdout);
 }
@@ -462,7 +561,8 @@ void run(const Arguments& arguments) {
     if (arguments.has("orders")) recovery(arguments, fabric, FitOrder::joint);
     if (arguments.has("table")) table(arguments, fabric);
     if (arguments.has("known_forces")) known_forces(arguments, fabric);
-    if (arguments.has("bound")) bound(arguments, fabric);
+    if (arguments.has("bound"))
+      (arguments.shape == CurveShape::smooth ? smooth_bound : bound)(arguments, fabric);
   }
 }
 
