@@ -9,6 +9,7 @@
 #include "weft/base/parallel.h"
 #include "weft/estimate/computed_overhang.h"
 #include "weft/estimate/content_hash.h"
+#include "weft/estimate/mesh_error.h"
 #include "weft/estimate/packed_numbers.h"
 #include "weft/estimate/pose_residuals.h"
 
@@ -314,16 +315,11 @@ SharedErrors MechanicalProblem::shared_errors(const MechanicalTrial& trial,
   MatX poses(0, forces.cols());
   if (trial.capture.has_loaded())
     poses = pose_residuals(trial, frame, options_.point_noise).by_moves * frame.clips_by_poses;
-  const PointGroups groups = groups_of(trial, frame.frame);
-  MatX points = MatX::Zero(3 * groups.groups(), forces.cols());
-  if (groups.points() > 0 && frame.points_by_poses.rows() > 0) {
-    const std::vector<char>& held =
-        trial.stages[at(trial.stage_of_frame[at(frame.frame)])].point_held;
-    std::vector<Eigen::Index> compared;
-    for (Eigen::Index i = 0; i < frame.points.cols(); ++i)
-      if (!held[at(i)]) compared.insert(compared.end(), {3 * i, 3 * i + 1, 3 * i + 2});
-    points = groups.sums(frame.points_by_poses(compared, Eigen::all));
-  }
+  const std::vector<Eigen::Index> compared = compared_coordinates(trial, frame.frame);
+  const bool moved = !compared.empty() && frame.points_by_poses.rows() > 0;
+  const MatX points =
+      moved ? MatX(frame.points_by_poses(compared, Eigen::all))
+            : MatX(MatX::Zero(static_cast<Eigen::Index>(compared.size()), forces.cols()));
   MatX by_errors(forces.rows() + poses.rows() + points.rows(), frame.pose_derivative.cols());
   by_errors.topRows(forces.rows()) = forces / options_.force_noise;
   // Those of loaded clips are over their noise already.
@@ -348,40 +344,24 @@ ForceWeights MechanicalProblem::weights_of(const MechanicalFrames& frames) const
   return weights;
 }
 
-PointGroups MechanicalProblem::groups_of(const MechanicalTrial& trial, int frame) const {
-  if (!uses_points(trial)) return {};
-  return {trial.geometry->mesh.material,
-          trial.stages[at(trial.stage_of_frame[at(frame)])].point_held};
-}
-
-/// Rows of differences as those of PoseErrors are: forces and loaded clips, then points, of which
-/// the errors of the poses are told by groups.
-MatX MechanicalProblem::told_by_poses(const PointGroups& groups, const MatX& rows) const {
-  const Eigen::Index points = 3 * groups.points(), others = rows.rows() - points;
-  MatX told(others + 3 * groups.groups(), rows.cols());
-  told.topRows(others) = rows.topRows(others);
-  told.bottomRows(3 * groups.groups()) = groups.sums(rows.bottomRows(points));
-  return told;
+/// Of the points of a frame.
+std::vector<Eigen::Index> MechanicalProblem::compared_coordinates(const MechanicalTrial& trial,
+                                                                  int frame) const {
+  std::vector<Eigen::Index> compared;
+  if (!uses_points(trial)) return compared;
+  const std::vector<char>& held = trial.stages[at(trial.stage_of_frame[at(frame)])].point_held;
+  for (Eigen::Index i = 0; i < trial.geometry->frames[at(frame)].cols(); ++i)
+    if (!held[at(i)]) compared.insert(compared.end(), {3 * i, 3 * i + 1, 3 * i + 2});
+  return compared;
 }
 
 void MechanicalProblem::weigh(std::size_t trial, int frame, Residuals& r) const {
   if (weights_.empty() || weights_[trial][at(frame)].shared.none()) return;
   const auto& [errors, moves] = weights_[trial][at(frame)];
-  const PointGroups groups = groups_of(*trials_[trial], frame);
-  const Eigen::Index points = 3 * groups.points(), others = r.values.size() - points;
-  const auto change = [&](const MatX& told, const MatX& weighed, auto&& rows) {
-    const MatX difference = weighed - told;
-    rows.topRows(others) += difference.topRows(others);
-    rows.bottomRows(points) += groups.spread(difference.bottomRows(3 * groups.groups()));
-  };
-  const VecX told = told_by_poses(groups, r.values);
-  const VecX as_measured = moves.size() > 0 ? VecX(told - errors.by_errors() * moves) : told;
-  change(told, errors.weighed(as_measured), r.values);
-  const MatX ways = told_by_poses(groups, r.ways);
-  change(ways, errors.weighed(ways), r.ways);
-  if (r.jacobian.rows() == 0) return;
-  const MatX slopes = told_by_poses(groups, r.jacobian);
-  change(slopes, errors.weighed(slopes), r.jacobian);
+  if (moves.size() > 0) r.values -= errors.by_errors() * moves;  // as measured
+  r.values = errors.weighed(r.values);
+  r.ways = errors.weighed(r.ways);
+  if (r.jacobian.rows() > 0) r.jacobian = errors.weighed(r.jacobian);
 }
 
 void MechanicalProblem::differences(std::size_t t, const MechanicalFrame& frame,
@@ -640,13 +620,12 @@ MechanicalProblem::PoseStep MechanicalProblem::pose_step(std::size_t t,
   const VecX values = r.values + friction * r.ways;
   PoseStep step{moves, values.squaredNorm() + moves.squaredNorm()};
   if (errors.none() || !moves_clips(*trials_[t])) return step;
-  const VecX told = told_by_poses(groups_of(*trials_[t], frame.frame), values);
   const MatX& by_errors = errors.by_errors();
   const VecX here = moves.size() > 0 ? moves : VecX(VecX::Zero(by_errors.cols()));
-  const VecX as_measured = told - by_errors * here;
+  const VecX as_measured = values - by_errors * here;
   step.moves = -errors.estimate(as_measured);
-  step.gain = told.squaredNorm() + here.squaredNorm() -
-              (as_measured + by_errors * step.moves).squaredNorm() - step.moves.squaredNorm();
+  step.gain = step.squares - (as_measured + by_errors * step.moves).squaredNorm() -
+              step.moves.squaredNorm();
   return step;
 }
 

@@ -14,7 +14,6 @@
 #include "weft/estimate/linearize_trial.h"
 #include "weft/estimate/mechanical_store.h"
 #include "weft/estimate/mechanical_trial.h"
-#include "weft/estimate/point_groups.h"
 #include "weft/estimate/weighed_priors.h"
 
 namespace weft {
@@ -244,8 +243,7 @@ class MechanicalProblem {
   void add_force_residuals(std::size_t trial, const MechanicalFrame& frame,
                            MechanicalDerivatives derivatives, Eigen::Index& count,
                            Residuals& r) const;
-  PointGroups groups_of(const MechanicalTrial& trial, int frame) const;
-  MatX told_by_poses(const PointGroups& groups, const MatX& rows) const;
+  std::vector<Eigen::Index> compared_coordinates(const MechanicalTrial& trial, int frame) const;
   void weigh(std::size_t trial, int frame, Residuals& r) const;
   bool uses_points(const MechanicalTrial& trial) const;
   /// Whether ClipPlaces::most_probable moves those of the trial.
