@@ -59,8 +59,8 @@ void CurveFitArguments::add_to(CLI::App& command) {
   command.add_flag(
       "--smooth", smooth_,
       "mechanical captures: as --subdivide, but curves of stretch and shear, where they pay, with "
-      "--points control points and as rough as is most probable, and shear from all components of "
-      "its forces");
+      "--points control points and as rough as is most probable, clips where they most probably "
+      "are, shear from all components of its forces, and stretch and shear together in the end");
   command
       .add_option(
           "--points", points_,
