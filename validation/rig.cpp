@@ -293,15 +293,18 @@ void known_forces(const Arguments& arguments, const std::string& name) {
   }
 }
 
+void add_value_names(const Fabric& fabric, std::string_view row, std::vector<std::string>& names) {
+  const int first = fabric.first_value(row);
+  for (int i = 0; i < fabric.value_count(row); ++i) names.emplace_back(fabric.info(first + i).name);
+}
+
 /// The values of the curves that a bend over a straight edge determines, in the order of their
 /// rows.
 std::vector<std::string> control_values(const Fabric& truth) {
   std::vector<std::string> names;
   for (const ThreadParameter& p : kThreadParameters) {
     if (p.name == "diagonal_bend") continue;
-    const int first = truth.first_value(p.name);
-    for (int i = 0; i < truth.curve(p.name).size(); ++i)
-      names.emplace_back(truth.info(first + i).name);
+    add_value_names(truth, p.name, names);
   }
   return names;
 }
@@ -414,9 +417,7 @@ SmoothCurves smooth_curves(const Fabric& truth, const Trials& trials, int thread
       knots[kSmoothPoints] = reached;
     }
     result.fabric.set_curve(row, truth.curve(row).resampled(knots));
-    const int first = result.fabric.first_value(row);
-    for (int k = 0; k < result.fabric.value_count(row); ++k)
-      result.free.emplace_back(result.fabric.info(first + k).name);
+    add_value_names(result.fabric, row, result.free);
     result.rows.push_back(row);
   }
   return result;

@@ -369,7 +369,6 @@ void MechanicalProblem::differences(std::size_t t, const MechanicalFrame& frame,
   const MechanicalTrial& trial = *trials_[t];
   const bool slopes = derivatives == MechanicalDerivatives::all;
   const Eigen::Index parameters = fabric_.values.size();
-  const MechanicalStage& stage = trial.stages[at(trial.stage_of_frame[at(frame.frame)])];
   const PoseResiduals poses = pose_residuals(trial, frame, options_.point_noise);
   const Eigen::Index most =
       frame.forces.size() + poses.values.size() + (trial.geometry ? frame.points.size() : 0);
@@ -384,17 +383,14 @@ void MechanicalProblem::differences(std::size_t t, const MechanicalFrame& frame,
       r.jacobian.middleRows(count, poses.values.size()) = poses.by_moves * frame.clip_derivative;
     count += poses.values.size();
   }
-  if (uses_points(trial)) {
-    const Points& measured = trial.geometry->frames[at(frame.frame)];
-    for (Eigen::Index i = 0; i < measured.cols(); ++i) {
-      if (stage.point_held[at(i)]) continue;
-      for (Eigen::Index k = 0; k < 3; ++k) {
-        r.values[count] = (frame.points(k, i) - measured(k, i)) / options_.point_noise;
-        if (slopes)
-          r.jacobian.row(count) = frame.point_derivative.row(3 * i + k) / options_.point_noise;
-        ++count;
-      }
-    }
+  if (const auto compared = compared_coordinates(trial, frame.frame); !compared.empty()) {
+    const auto n = static_cast<Eigen::Index>(compared.size());
+    const VecX off = flat(frame.points) - flat(trial.geometry->frames[at(frame.frame)]);
+    r.values.segment(count, n) = off(compared) / options_.point_noise;
+    if (slopes)
+      r.jacobian.middleRows(count, n) =
+          frame.point_derivative(compared, Eigen::all) / options_.point_noise;
+    count += n;
   }
   r.values.conservativeResize(count);
   r.ways.conservativeResize(count);
